@@ -1,0 +1,5 @@
+"""fimpact: plan the experiment that tells a robot model most."""
+
+from fimpact.runtime import configure
+
+configure()

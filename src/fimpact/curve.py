@@ -1,0 +1,75 @@
+"""When does it pay? Error reduction against how often random experiments touch."""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from fimpact.looks import METHODS, STYLE, WIDTH, in_percent, log_ticks, set_ticks, write
+from fimpact.measures import BASELINE, DESIGNED, errors, final, reduction, touched
+from fimpact.summary import percent, reduction_curve
+
+INTERVAL = ["reduction", "reduction_low", "reduction_high"]
+
+
+def curve(sweep: pd.DataFrame, trials: pd.DataFrame, stem: Path | str) -> None:
+    """Draw error reduction against the share of random experiments that touched, to `stem`.svg and `stem`.png.
+
+    Args:
+        sweep: trials at several surface positions, as in `sweep.csv`.
+        trials: the full campaign, which is marked on the curve as the headline.
+    """
+    systems = list(trials.groupby("system", sort=False))
+    points = reduction_curve(sweep)
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(1, len(systems), figsize=(WIDTH, 3.3), squeeze=False, sharey=True)
+        for ax, (system, part) in zip(axes[0], systems, strict=True):
+            _surfaces(ax, points[points.system == system].sort_values(["touched", "surface"]))
+            _headline(ax, system, part)
+            ax.set(xlabel="uniform random experiments that touched", xlim=(-0.1, 1.1))
+            set_ticks(ax.xaxis, [0, 0.25, 0.5, 0.75, 1], in_percent)
+        _reduction_axis(axes[0, 0])
+        write(figure, stem)
+
+
+def _surfaces(ax: Axes, points: pd.DataFrame) -> None:
+    _, colour, line, marker = METHODS[DESIGNED]
+    _whiskers(ax, points, color=colour, linestyle=line, marker=marker)
+    for point in points.itertuples():
+        low = np.nanmin([point.reduction, point.reduction_low])
+        _name(ax, point.touched, 1 - low, f"{point.surface:g} m", -3, colour)
+
+
+def _headline(ax: Axes, system: str, trials: pd.DataFrame) -> None:
+    error, share = final(errors(trials)), touched(trials[trials.method == BASELINE])
+    interval = reduction(error[DESIGNED], error[BASELINE])
+    star = pd.DataFrame([(share, *interval)], columns=["touched", *INTERVAL])
+    _whiskers(ax, star, color="black", linestyle="none", marker="*", markersize=11)
+    _name(ax, share, 1 - np.nanmax(interval), f"headline, {len(error)} seeds", 3, "black")
+    ax.set_title(f"{system.capitalize()}: {percent(interval[0])} less error where {percent(share, 0)} touch")
+
+
+def _whiskers(ax: Axes, table: pd.DataFrame, **look) -> None:
+    # Drawn as the error that remains, on a logarithmic axis: equal steps are then equal factors of error.
+    middle, low, high = (1 - table[name].to_numpy() for name in INTERVAL)
+    # A bootstrap interval of medians may leave its own estimate just outside.
+    lengths = np.maximum([middle - high, low - middle], 0)
+    ax.errorbar(table.touched, middle, lengths, capsize=2.5, elinewidth=1, **look)
+
+
+def _name(ax: Axes, x: float, y: float, text: str, offset: float, colour: str) -> None:
+    # Beyond the whisker's end, where neither the line nor a neighbour's whisker runs; edges lean inwards.
+    side = "left" if x < 0.15 and len(text) > 8 else "right" if x > 0.85 and len(text) > 8 else "center"
+    place = {"xytext": (0, offset), "textcoords": "offset points", "ha": side, "va": "top" if offset < 0 else "bottom"}
+    ax.annotate(text, (x, y), color=colour, fontsize=8, **place)
+
+
+def _reduction_axis(ax: Axes) -> None:
+    ax.set_yscale("log")
+    low, high = ax.get_ylim()
+    low, high = low / 1.15, high * 1.15
+    ax.set_ylim(high, low)
+    log_ticks(ax.yaxis, low, high, lambda remaining: in_percent(1 - remaining))
+    ax.set_ylabel("error reduction (95 % interval)")

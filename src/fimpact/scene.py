@@ -1,0 +1,128 @@
+"""What there is to see of an experiment: MuJoCo C's poses, contact forces and measurements in the plane of motion.
+
+Nothing here knows a system: outlines come from the geoms of the compiled model.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from fimpact.systems import System
+
+CIRCLE = np.stack([np.cos(angle := np.linspace(0, 2 * np.pi, 48, endpoint=False)), np.sin(angle)], 1)
+ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)
+SIGNS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One experiment, step by step.
+
+    `position` (T, ngeom, 3) and `rotation` (T, ngeom, 3, 3) place the geoms; `contacts` holds per step an array
+    (n, 2, 2) of point (m) and force on the moving body (N) in the plane; `measurement` (T, ny) is without noise.
+    """
+
+    model: mujoco.MjModel
+    axes: tuple[int, int]
+    time: np.ndarray
+    position: np.ndarray
+    rotation: np.ndarray
+    contacts: tuple[np.ndarray, ...]
+    measurement: np.ndarray
+
+    @property
+    def force(self) -> np.ndarray:
+        """Magnitude of the strongest contact force at every step, shape (T,), N."""
+        return np.array([np.linalg.norm(step[:, 1], axis=1).max(initial=0.0) for step in self.contacts])
+
+    @property
+    def touching(self) -> np.ndarray:
+        """Whether there is contact at every step, shape (T,)."""
+        return np.array([len(step) > 0 for step in self.contacts])
+
+
+def replay(system: System, theta: np.ndarray, design: np.ndarray) -> Scene:
+    """Simulate `design` on the system with parameters `theta`, in physical units, and keep what can be seen."""
+    model = system.compile(theta)
+    data, axes = mujoco.MjData(model), plane_of_motion(model)
+    data.qpos[:], data.qvel[:], ctrl = (np.asarray(part) for part in system.launch(system, np.asarray(design)))
+    steps = []
+    for u in ctrl:
+        data.ctrl[:] = u
+        time = data.time
+        mujoco.mj_step(model, data)
+        # Poses and forces still belong to the beginning of the step.
+        seen = (data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy(), contacts(model, data, axes))
+        steps.append((time, *seen, system.read(model, data)))
+    time, position, rotation, forces, measurement = zip(*steps, strict=True)
+    return Scene(model, axes, np.array(time), np.array(position), np.array(rotation), forces, np.array(measurement))
+
+
+def plane_of_motion(model: mujoco.MjModel) -> tuple[int, int]:
+    """World axes of the picture: seen from above without gravity, from the side with it."""
+    return (0, 2) if model.opt.gravity.any() else (0, 1)
+
+
+def contacts(model: mujoco.MjModel, data: mujoco.MjData, axes: tuple[int, int]) -> np.ndarray:
+    """Point and force on the moving body of every contact, shape (n, 2, 2), in the plane of `axes`."""
+    found = np.zeros((data.ncon, 2, 3))
+    for index, contact in enumerate(data.contact):
+        wrench = np.zeros(6)
+        mujoco.mj_contactForce(model, data, index, wrench)
+        force = contact.frame.reshape(3, 3).T @ wrench[:3]
+        # MuJoCo gives the force on the second geom.
+        found[index] = contact.pos, force if moves(model, contact.geom2) else -force
+    return found[:, :, list(axes)]
+
+
+def moves(model: mujoco.MjModel, geom: int) -> bool:
+    """Whether a geom belongs to a body that a joint carries."""
+    return model.body_weldid[model.geom_bodyid[geom]] != 0
+
+
+def outline(scene: Scene, geom: int, step: int) -> np.ndarray:
+    """Silhouette of a geom at a step: a convex polygon (n, 2) in the plane of motion; empty for planes and fields."""
+    core, radius = _core(scene.model, geom)
+    if not len(core):
+        return np.zeros((0, 2))
+    points = core @ scene.rotation[step, geom].T + scene.position[step, geom]
+    cloud = (points[:, None, list(scene.axes)] + radius * CIRCLE).reshape(-1, 2)
+    return cloud[ConvexHull(cloud, qhull_options="QJ Pp").vertices]
+
+
+def surfaces(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Point and outward normal, (2,) each, of every fixed plane that is seen edge on."""
+    model, axes = scene.model, list(scene.axes)
+    planes = [g for g in range(model.ngeom) if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE]
+    normals = {g: scene.rotation[0, g, axes, 2] for g in planes}
+    return [(scene.position[0, g, axes], n / np.linalg.norm(n)) for g, n in normals.items() if np.linalg.norm(n) > 0.1]
+
+
+def _core(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, float]:
+    # Points (n, 3) in the geom's frame and the radius to round them by: the hull of both is the geom.
+    kind, size = model.geom_type[geom], model.geom_size[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        first, count = model.mesh_vertadr[model.geom_dataid[geom]], model.mesh_vertnum[model.geom_dataid[geom]]
+        return model.mesh_vert[first : first + count], 0.0
+    return _CORES.get(kind, lambda size: np.zeros((0, 3)))(size), size[0] if kind in ROUND else 0.0
+
+
+def _cylinder(size: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.c_[size[0] * CIRCLE, np.full(len(CIRCLE), end)] for end in (-size[1], size[1])])
+
+
+def _ellipsoid(size: np.ndarray) -> np.ndarray:
+    height = np.linspace(-1, 1, 33)
+    ring = np.sqrt(1 - height**2)[:, None, None] * CIRCLE
+    return np.concatenate([ring, np.broadcast_to(height[:, None, None], (*ring.shape[:2], 1))], 2).reshape(-1, 3) * size
+
+
+_CORES = {
+    mujoco.mjtGeom.mjGEOM_SPHERE: lambda size: np.zeros((1, 3)),
+    mujoco.mjtGeom.mjGEOM_CAPSULE: lambda size: np.array([[0, 0, -size[1]], [0, 0, size[1]]]),
+    mujoco.mjtGeom.mjGEOM_BOX: lambda size: SIGNS * size,
+    mujoco.mjtGeom.mjGEOM_CYLINDER: _cylinder,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: _ellipsoid,
+}

@@ -1,0 +1,149 @@
+"""The tables behind the README: one row per system and method, coverage per parameter, and the reduction curve."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from fimpact.measures import BASELINE, DESIGNED, errors, final, information_ratio, once, reduction, touched
+
+
+def summarise(trials: pd.DataFrame, diagnostics: pd.DataFrame, reach: pd.DataFrame) -> pd.DataFrame:
+    """One row per system and method: final error, reductions, information, contact, failures, estimator, time.
+
+    Args:
+        trials: a row per system, method, seed, round and parameter, as in `trials.csv`.
+        diagnostics: a row per system, method, seed, round and parameter, as in `diagnostics.csv`.
+        reach: a row per system and seed: did `fisher` find contact from a start without, as in `reach.csv`.
+    """
+    rows = []
+    for system, part in trials.groupby("system", sort=False):
+        checks = diagnostics[diagnostics.system == system]
+        rows += [{"system": system, **row} for row in _methods(part, checks)]
+    summary = pd.DataFrame(rows)
+    free = reach[reach.start_contact_steps == 0].groupby("system").reached.mean()
+    summary["reached"] = summary.system.map(free).where(summary.method == DESIGNED)
+    return summary
+
+
+def coverage(diagnostics: pd.DataFrame) -> pd.DataFrame:
+    """Share of seeds whose final 95 % interval holds the truth, per system, method and parameter."""
+    last = diagnostics[diagnostics["round"] == diagnostics.groupby("system")["round"].transform("max")]
+    groups = last.groupby(["system", "method", "parameter"], sort=False)
+    table = groups.agg(
+        covered=("covered", "mean"), standard_error=("standard_error", "median"), seeds=("covered", "count")
+    )
+    return table.reset_index()
+
+
+def reduction_curve(sweep: pd.DataFrame) -> pd.DataFrame:
+    """Per system and surface position: share of random experiments that touched, and the error reduction there."""
+    rows = []
+    for (system, surface), part in sweep.groupby(["system", "surface"]):
+        error = final(errors(part))
+        row = {"system": system, "surface": surface, "touched": touched(part[part.method == BASELINE])}
+        row |= _interval("reduction", error, DESIGNED, BASELINE)
+        row |= {f"error_{method}": error[method].median() for method in (DESIGNED, BASELINE)}
+        rows.append(row | {"seeds": len(error)})
+    return pd.DataFrame(rows)
+
+
+def _methods(trials: pd.DataFrame, diagnostics: pd.DataFrame) -> Iterator[dict]:
+    error = final(errors(trials))
+    designed = diagnostics[diagnostics["round"] > 0]
+    cover = designed[designed["round"] == trials["round"].max()].groupby("method").covered.mean()
+    for method, rows in trials.groupby("method", sort=False):
+        low, middle, high = error[method].quantile([0.25, 0.5, 0.75])
+        yield {"method": method, "seeds": len(error), "final_error": middle, "error_q25": low, "error_q75": high} | (
+            _interval("reduction", error, method, BASELINE)
+            | _interval("fisher_reduction", error, DESIGNED, method)
+            | _ratio(trials, method)
+            | _counts(rows, trials["round"].max(), len(error))
+            | {"coverage": cover.get(method, np.nan)}
+            | {"candidates": designed[designed.method == method].candidates.median()}
+        )
+
+
+def _interval(name: str, error: pd.DataFrame, method: str, baseline: str) -> dict[str, float]:
+    known = method in error and baseline in error
+    values = reduction(error[method], error[baseline]) if known else (np.nan,) * 3
+    return dict(zip((name, f"{name}_low", f"{name}_high"), values, strict=True))
+
+
+def _ratio(trials: pd.DataFrame, method: str) -> dict[str, float]:
+    known = BASELINE in set(trials.method)
+    ratio = information_ratio(trials)[method] if known else pd.Series([np.nan])
+    return {"information_ratio": ratio.median(), "information_ratio_min": ratio.min()}
+
+
+def _counts(rows: pd.DataFrame, last: int, seeds: int) -> dict[str, float]:
+    ended = once(rows[rows["round"] == last])
+    return {
+        "touched": touched(rows),
+        "failed": rows[rows.status.str.startswith("failed")].seed.nunique(),
+        "agreement": (ended.status == "converged").sum() / seeds,
+        "seconds": once(rows).seconds.sum(),
+    }
+
+
+COLUMNS = {
+    "system": lambda row: row.system,
+    "method": lambda row: row.method,
+    "final error (quartiles)": lambda row: _spread(row.final_error, row.error_q25, row.error_q75),
+    "reduction against uniform": lambda row: _against(row, "reduction", BASELINE),
+    "fisher's reduction against it": lambda row: _against(row, "fisher_reduction", DESIGNED),
+    "information / uniform's (least seed)": lambda row: _gain(row),
+    "touched": lambda row: percent(row.touched, 0),
+    "starts agree": lambda row: percent(row.agreement, 0),
+    "covered": lambda row: percent(row.coverage, 0),
+    "failed": lambda row: f"{row.failed} of {row.seeds}",
+    "time": lambda row: _duration(row.seconds),
+}
+
+
+def to_markdown(summary: pd.DataFrame) -> str:
+    """The README's table, and below it how often `fisher` found contact from a start without."""
+    rows = [list(COLUMNS), ["---"] * len(COLUMNS)]
+    rows += [[write(row) for write in COLUMNS.values()] for row in summary.itertuples()]
+    table = "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    reached = summary.dropna(subset="reached")
+    shares = ", ".join(f"{row.system} {percent(row.reached, 0)}" for row in reached.itertuples())
+    return f"{table}\n" + (f"\nDesigns that reached contact from a contact-free start: {shares}.\n" if shares else "")
+
+
+def coverage_to_markdown(table: pd.DataFrame, method: str = DESIGNED) -> str:
+    """Coverage of the final 95 % intervals of one method, a line per parameter."""
+    lines = ["| system | parameter | covered | median standard error | seeds |", "|---|---|---|---|---|"]
+    for row in table[table.method == method].itertuples():
+        cells = (row.system, row.parameter, percent(row.covered, 0), percent(row.standard_error), str(row.seeds))
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def percent(share: float, digits: int = 1) -> str:
+    """A share as readable percent; a dash if unknown."""
+    return f"{100 * share:.{digits}f} %".replace("-", "−") if np.isfinite(share) else "–"
+
+
+def _spread(middle: float, low: float, high: float) -> str:
+    ends = f" ({percent(low)} to {percent(high)})" if np.isfinite([low, high]).all() else ""
+    return percent(middle) + ends.replace(" % to", " to")
+
+
+def _against(row, name: str, itself: str) -> str:
+    return "–" if row.method == itself else _spread(*(getattr(row, name + end) for end in ("", "_low", "_high")))
+
+
+def _gain(row) -> str:
+    if row.method == BASELINE or np.isnan(row.information_ratio):
+        return "–"
+    return f"{times(row.information_ratio)} ({times(row.information_ratio_min)})"
+
+
+def times(ratio: float) -> str:
+    """A ratio as readable factor."""
+    return "∞" if np.isinf(ratio) else f"{ratio:,.0f} ×" if ratio >= 100 else f"{ratio:.2g} ×"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

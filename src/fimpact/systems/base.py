@@ -1,0 +1,112 @@
+"""What a system is: an MJCF, its unknown parameters, its inputs and its sensor."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from mujoco import mjx
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown: nominal value and bounds in `unit`; the prior is relative and shared by all of a system."""
+
+    name: str
+    unit: str
+    nominal: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the experimenter chooses: `names`, each drawn between `low` and `high`, at `knots` instants."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    low: np.ndarray
+    high: np.ndarray
+    knots: int
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits of the flat design vector, shape (knots * len(names),)."""
+        return np.tile(self.low, self.knots), np.tile(self.high, self.knots)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What is measured: channels and the standard deviation of white noise, both in `unit`."""
+
+    name: str
+    unit: str
+    channels: tuple[str, ...]
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """A robot, its surface and its experiment.
+
+    `edit` writes parameters and settings into an MjSpec (used to compile models for MuJoCo C);
+    `revise` writes the same parameters into an MJX model, differentiably. The two share no code, so the
+    simulated truth cannot inherit an error of the estimator. `launch` turns a flat design vector into
+    (qpos, qvel, ctrl) with ctrl of shape (steps, nu). `sense` is the paper's sensor equation on MJX data;
+    `read` is MuJoCo's own sensor on C data.
+    """
+
+    name: str
+    settings: dict[str, Any]
+    parameters: tuple[Parameter, ...]
+    inputs: Inputs
+    sensor: Sensor
+    edit: Callable[[mujoco.MjSpec, np.ndarray, dict], None]
+    revise: Callable[[mjx.Model, jax.Array, dict], mjx.Model]
+    launch: Callable[["System", jax.Array], tuple[jax.Array, jax.Array, jax.Array]]
+    sense: Callable[[mjx.Model, mjx.Data, jax.Array], jax.Array]
+    read: Callable[[mujoco.MjModel, mujoco.MjData], np.ndarray]
+
+    @property
+    def steps(self) -> int:
+        """Number of simulation steps, and of measurements, in one experiment."""
+        return self.settings["steps"]
+
+    @cached_property
+    def nominal(self) -> np.ndarray:
+        """Nominal parameters, shape (p,), in the units of `parameters`."""
+        return np.array([p.nominal for p in self.parameters])
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits of the relative parameters theta / nominal, shape (p,) each."""
+        low, high = ([getattr(p, side) for p in self.parameters] for side in ("low", "high"))
+        return np.array(low) / self.nominal, np.array(high) / self.nominal
+
+    def compile(self, theta: np.ndarray) -> mujoco.MjModel:
+        """MuJoCo C model of the system with parameters `theta`, shape (p,), in physical units."""
+        spec = mujoco.MjSpec.from_string(files("fimpact.systems").joinpath(f"{self.name}.xml").read_text())
+        spec.option.timestep = self.settings["timestep"]
+        self.edit(spec, np.asarray(theta, float), self.settings)
+        return spec.compile()
+
+    @cached_property
+    def template(self) -> mjx.Model:
+        """MJX model at the nominal parameters; every number in it is a run-time argument of the programs."""
+        return mjx.put_model(self.compile(self.nominal))
+
+
+def parameters(table: dict[str, dict]) -> tuple[Parameter, ...]:
+    """Parameters from the configuration's table name -> {unit, nominal, bounds}."""
+    return tuple(Parameter(name, row["unit"], row["nominal"], *row["bounds"]) for name, row in table.items())
+
+
+def interpolate(knots: jax.Array, steps: int) -> jax.Array:
+    """Piecewise linear signal, shape (steps, n), through `knots`, shape (k, n), equally spaced in time."""
+    place = jnp.linspace(0.0, knots.shape[0] - 1.0, steps)
+    return jax.vmap(lambda column: jnp.interp(place, jnp.arange(knots.shape[0]), column), 1, 1)(knots)

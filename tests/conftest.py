@@ -1,0 +1,33 @@
+"""Systems as configured, built once: no test compiles what another has compiled."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from fimpact.systems import SYSTEMS, make_system
+
+ROOT = Path(__file__).parents[1]
+
+# Designs that touch at the nominal parameters: a steady push of the first joint, and a slanted throw.
+TOUCHING = {"arm": np.tile([1.5, 0.0, 0.0], 8), "block": np.array([0.3, 0.5, -3.0, 2.0])}
+CLEAR = {"arm": np.zeros(24), "block": np.array([0.0, 0.0, 2.0, 0.0])}
+
+
+@pytest.fixture(scope="session")
+def config():
+    """The configuration of the paper."""
+    return yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+
+
+@pytest.fixture(scope="session")
+def systems(config):
+    """Every system of the configuration by name."""
+    return {name: make_system(name, config["systems"][name]) for name in SYSTEMS}
+
+
+@pytest.fixture(params=list(SYSTEMS))
+def system(request, systems):
+    """Each system in turn."""
+    return systems[request.param]

@@ -1,0 +1,93 @@
+"""Parameters reach everything that follows from them, and MJX agrees with MuJoCo C."""
+
+import dataclasses
+import re
+
+import mujoco
+import numpy as np
+import pytest
+from conftest import CLEAR, TOUCHING
+
+from fimpact import truth
+from fimpact.programs import programs
+from fimpact.rollout import relax_contact, remove_contact
+from fimpact.systems import SYSTEMS, make_system
+
+
+def predict(system, rho, design, model=None):
+    return programs(system).predict(system.template if model is None else model, rho, design)
+
+
+def test_every_parameter_changes_the_rollout_in_both_engines(system):
+    design, one = TOUCHING[system.name], np.ones(len(system.nominal))
+    for i in range(len(one)):
+        rho = one + 0.05 * (np.arange(len(one)) == i)
+        moved = predict(system, rho, design).measurement - predict(system, one, design).measurement
+        in_c = (
+            truth.simulate(system, rho * system.nominal, design)[0] - truth.simulate(system, system.nominal, design)[0]
+        )
+        assert np.abs(moved).max() > 1, system.parameters[i].name
+        assert np.abs(in_c).max() > system.sensor.noise, system.parameters[i].name
+
+
+def test_mjx_and_the_papers_sensor_agree_with_mujoco_c_and_its_own_sensor(system):
+    rng = np.random.default_rng(3)
+    for rho in rng.uniform(0.9, 1.1, (4, len(system.nominal))):
+        measured, contact_steps = truth.simulate(system, rho * system.nominal, TOUCHING[system.name])
+        predicted = predict(system, rho, TOUCHING[system.name])
+        assert contact_steps > 0 and predicted.closest[0] < 0
+        error = predicted.measurement[0] * system.sensor.noise - measured.ravel()
+        assert np.abs(error).max() < 1e-6 * np.abs(measured).max()
+
+
+def test_silent_without_contact(system):
+    measured, contact_steps = truth.simulate(system, system.nominal, CLEAR[system.name])
+    assert contact_steps == 0
+    assert np.abs(measured).max() < 1e-9
+
+
+def test_contact_can_be_removed_and_relaxed(system):
+    one, design = np.ones(len(system.nominal)), CLEAR[system.name]
+    blind = predict(system, one, TOUCHING[system.name], remove_contact(system.template))
+    far = predict(system, one, design, relax_contact(system.template, 3.0))
+    assert np.abs(blind.measurement).max() < 1e-6
+    assert np.abs(far.measurement).max() > 1  # felt although the exact contact is silent
+
+
+def test_mjcf_holds_the_nominal_parameters_of_the_configuration(system):
+    plain = dataclasses.replace(system, edit=lambda *_: None).compile(system.nominal)
+    edited = system.compile(system.nominal)
+    for name in ("body_mass", "body_inertia", "body_ipos", "body_pos", "geom_pos"):
+        assert np.allclose(getattr(plain, name), getattr(edited, name), rtol=1e-3, atol=1e-6), name
+
+
+def test_a_longer_link_moves_its_child_its_rod_and_its_mass(systems):
+    arm = systems["arm"]
+    longer = arm.nominal * np.array([1, 1, 1, 1.2, 1, 1])
+    before, after = arm.compile(arm.nominal), arm.compile(longer)
+    assert after.body("link_2").pos[0] == pytest.approx(1.2 * before.body("link_2").pos[0])
+    assert after.body("link_1").ipos[0] == pytest.approx(1.2 * before.body("link_1").ipos[0])
+    assert after.geom("rod_1").size[1] == pytest.approx(1.2 * before.geom("rod_1").size[1])
+    assert after.body("link_1").mass == pytest.approx(before.body("link_1").mass / 1.2**2)
+
+
+def test_the_mats_stiffness_does_not_depend_on_the_blocks_mass(systems):
+    block = systems["block"]
+    light, heavy = (block.compile(block.nominal * [scale, 1, 1]) for scale in (0.8, 1.2))
+    assert light.pair_solref[0, 0] * light.body("block").mass == pytest.approx(
+        heavy.pair_solref[0, 0] * heavy.body("block").mass
+    )
+
+
+def test_unknown_system_is_named_with_those_available():
+    with pytest.raises(ValueError, match=re.escape(f"available: {', '.join(SYSTEMS)}")):
+        make_system("leg", {})
+
+
+def test_derived_inverse_weights_match_a_recompiled_model(system):
+    from fimpact.rollout import with_parameters
+
+    theta = system.nominal * np.linspace(0.8, 1.2, len(system.nominal))
+    ours = with_parameters(system, system.template, theta).body_invweight0
+    compiled: mujoco.MjModel = system.compile(theta)
+    assert np.allclose(ours, compiled.body_invweight0, rtol=1e-8)

@@ -1,0 +1,178 @@
+"""The graph: what is asked for is what runs, and an edit reruns what depends on it and nothing else."""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SNAKEMAKE = Path(sys.executable).with_name("snakemake")
+SMOKE = ["--configfile", "config/smoke.yaml"]
+DRAWN = {"panels", "ablation", "curve"}
+SIMULATED = {"trials", "sweep", "reach", "identifiability"}
+
+
+def snakemake(tree: Path, *arguments: str) -> subprocess.CompletedProcess:
+    environment = os.environ | {"PYTHONPATH": str(tree / "src")}
+    return subprocess.run([SNAKEMAKE, *arguments], cwd=tree, env=environment, capture_output=True, text=True)
+
+
+def planned(tree: Path, *arguments: str) -> dict[str, int]:
+    """Number of jobs per rule that a run would start."""
+    done = snakemake(tree, *arguments, "--dry-run")
+    assert done.returncode == 0, done.stderr
+    stats = re.search(r"^Job stats:\n.*?\n-+  -+\n(.*?)\ntotal ", done.stdout + done.stderr, re.S | re.M)
+    rows = [line.split() for line in stats[1].splitlines()] if stats else []
+    return {rule: int(count) for rule, count in rows if rule != "all"}
+
+
+def copy(to: Path) -> Path:
+    for name in ("src", "workflow", "config", "profiles"):
+        shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    shutil.copy(ROOT / "Snakefile", to)
+    return to
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory) -> Path:
+    """A copy of the repository in which nothing was made."""
+    return copy(tmp_path_factory.mktemp("fresh"))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory) -> Path:
+    """A copy in which every file of the smoke workflow counts as made."""
+    tree = copy(tmp_path_factory.mktemp("finished"))
+    listed = snakemake(tree, *SMOKE, "--summary").stdout.splitlines()[1:]
+    for path in (tree / line.split("\t")[0] for line in listed):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(path.name)
+    assert snakemake(tree, *SMOKE, "--touch", "--forceall").returncode == 0
+    return tree
+
+
+@pytest.fixture
+def edited(finished, request) -> Iterator[Path]:
+    """The finished copy after an edit of the package file in `request.param`."""
+    path = finished / "src" / "fimpact" / request.param
+    before = path.read_text()
+    path.write_text(before + "\n")
+    yield finished
+    path.write_text(before)
+
+
+def test_one_figure_needs_only_its_own_table(fresh):
+    assert planned(fresh, "results/smoke/ablation.png", *SMOKE) == {"ablation": 1, "gather": 1, "trials": 10}
+
+
+def test_one_part_is_one_job(fresh):
+    assert planned(fresh, "results/smoke/sweep/arm-fisher-1-of-1.csv", *SMOKE) == {"sweep": 1}
+
+
+def test_more_parts_than_seeds_leave_none_empty(fresh):
+    jobs = planned(fresh, "results/smoke/trials.csv", *SMOKE, "--set-scatter", "seeds=20")
+    assert jobs == {"gather": 1, "trials": 20}
+
+
+def test_committed_tables_are_drawn_without_a_simulation(fresh):
+    folder = fresh / "results" / "reference" / "paper"
+    folder.mkdir(parents=True)
+    for name in ("trials", "diagnostics", "sweep", "reach"):
+        (folder / f"{name}.csv").touch()
+    jobs = planned(fresh, "--configfile", "config/reference.yaml")
+    shutil.rmtree(folder)
+    assert jobs == dict.fromkeys([*DRAWN, "summary"], 1)
+
+
+def test_a_bad_configuration_gets_one_line_and_nothing_is_written(fresh):
+    done = snakemake(fresh, *SMOKE, "--config", "rounds=0")
+    assert done.returncode != 0
+    lines = [line for line in done.stderr.splitlines() if not line.startswith(("Using workflow", "Config file"))]
+    assert len(lines) == 1
+    assert lines[0].startswith("configuration: rounds is 0; it must be at least 1")
+    assert not (fresh / "results" / "smoke").exists()
+
+
+def test_nothing_runs_twice(finished):
+    assert planned(finished, *SMOKE) == {}
+
+
+@pytest.mark.parametrize(
+    ("edited", "rules"),
+    [("looks.py", DRAWN | {"example"}), ("progress.py", set())],
+    indirect=["edited"],
+)
+def test_an_edit_reruns_what_depends_on_it(edited, rules):
+    assert set(planned(edited, *SMOKE)) == rules
+
+
+@pytest.mark.parametrize("edited", ["systems/block.py"], indirect=True)
+def test_an_edited_system_does_not_rerun_the_other(edited):
+    jobs = planned(edited, *SMOKE)
+    assert (jobs["trials"], jobs["sweep"], jobs["reach"], jobs["example"]) == (5, 2, 1, 1)
+
+
+def test_changed_noise_of_one_system_does_not_rerun_the_other(finished):
+    (finished / "noise.yaml").write_text("systems: {block: {noise: 0.123}}")
+    jobs = planned(finished, *SMOKE, "noise.yaml")
+    assert (jobs["trials"], jobs["sweep"], jobs["reach"], jobs["example"]) == (5, 2, 1, 1)
+
+
+def test_changed_sweep_does_not_rerun_the_trials(finished):
+    (finished / "sweep.yaml").write_text("sweep: {surfaces: {arm: [0.5, 0.6, 0.7]}}")
+    assert set(planned(finished, *SMOKE, "sweep.yaml")) == {"sweep", "gather", "curve", "summary"}
+
+
+def stages() -> dict[str, list[str]]:
+    """The lists of package files in common.smk."""
+    text = (ROOT / "workflow" / "rules" / "common.smk").read_text()
+    names: dict = {}
+    exec(re.search(r"^MODEL = .*?^}\n", text, re.S | re.M)[0], names)
+    return names["STAGES"]
+
+
+def imported(path: Path) -> set[Path]:
+    """Package files that `path` imports, directly or through others."""
+    found, todo = set(), [path]
+    while todo:
+        for module in _imports(todo.pop()):
+            base = ROOT / "src" / Path(*module.split("."))
+            new = {file for file in (base.with_suffix(".py"), base / "__init__.py") if file.exists()} - found
+            found, todo = found | new, [*todo, *new]
+    return found
+
+
+def _imports(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("fimpact"):
+            yield "fimpact"
+            yield node.module
+            yield from (f"{node.module}.{name.name}" for name in node.names)
+
+
+@pytest.mark.parametrize(
+    ("stage", "scripts"),
+    [
+        ("trial", ["trials", "sweep"]),
+        ("reach", ["reach", "identifiability"]),
+        ("tables", ["gather"]),
+        ("summary", ["summary"]),
+        ("figures", ["panels", "ablation", "curve"]),
+        ("examples", ["example"]),
+    ],
+)
+def test_the_lists_of_package_files_are_complete(stage, scripts):
+    package = ROOT / "src" / "fimpact"
+    listed = {package / f"{name}.py" for name in stages()[stage]}
+    # Every job of a stage gets the file of its own system; progress only talks; __init__ and runtime change nothing
+    # where jax is not used; reach imports trial for its random numbers, which imports an estimator it never calls.
+    apart = {package / f"{name}.py" for name in ("systems/arm", "systems/block", "progress", "__init__", "runtime")}
+    apart |= {package / "estimate.py"} if stage == "reach" else set()
+    for script in scripts:
+        assert imported(ROOT / "workflow" / "scripts" / f"{script}.py") - apart == listed - apart

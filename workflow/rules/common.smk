@@ -1,0 +1,96 @@
+import sys
+from pathlib import Path
+
+from fimpact.config import check
+
+try:
+    check(config, Path(workflow.basedir) / "workflow" / "schemas" / "config.schema.yaml")
+except ValueError as error:
+    # Snakemake's WorkflowError would put the line number of this file around the one line that matters.
+    sys.exit(str(error))
+
+SYSTEMS, METHODS = config["select"]["systems"], config["select"]["methods"]
+REFERENCE = ["trials.csv", "diagnostics.csv", "sweep.csv", "reach.csv", "summary.csv"]
+
+# The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
+# compares the lists with what the modules import.
+MODEL = "__init__ runtime tables systems/__init__ systems/base sensors rollout information traced programs".split()
+STAGES = {
+    "trial": [*MODEL, "truth", "design", "search", "estimate", "trial"],
+    "reach": [*MODEL, "truth", "design", "search", "trial", "reach"],
+    "tables": ["tables"],
+    "summary": ["tables", "measures", "summary"],
+    "figures": ["tables", "measures", "summary", "looks", "figures"],
+    "examples": [*MODEL, "truth", "looks", "figures", "examples"],
+}
+
+
+wildcard_constraints:
+    system="|".join(config["systems"]),
+    method="[a-z_]+",
+
+
+def code(stage, system=None):
+    """Package files that `stage` depends on, with those of `system` if it simulates one."""
+    own = [f"systems/{system}.py", f"systems/{system}.xml"] if system else []
+    return [f"src/fimpact/{name}" for name in [f"{module}.py" for module in STAGES[stage]] + own]
+
+
+def simulation(stage):
+    """Input function: package files of a stage that simulates the system in the wildcards."""
+    return lambda wildcards: code(stage, wildcards.system)
+
+
+def settings(*tables, **replaced):
+    """Params function: the configuration as one job sees it, so that a change elsewhere does not rerun it."""
+
+    def part(wildcards):
+        system = {wildcards.system: config["systems"][wildcards.system]}
+        return {"systems": system, **{table: config[table] for table in tables}, **replaced}
+
+    return part
+
+
+def parts(items, size):
+    """Number of jobs that share `items`, at most `size` in each."""
+    return -(-len(items) // size)
+
+
+def share(items, wildcards):
+    """The part of `items` that the job `scatteritem`, such as 2-of-5, is to do."""
+    number, count = map(int, wildcards.scatteritem.split("-of-"))
+    return items[number - 1 :: count]
+
+
+def scattered(names, items, pattern, **wildcards):
+    """Files of all parts of `items` that are not empty: there may be more parts than items."""
+    return expand(pattern, scatteritem=names("{scatteritem}")[: len(items)], **wildcards)
+
+
+def pieces(table):
+    """Files that make up one of the tables."""
+    seeds, surfaces = config["select"]["seeds"], config["sweep"]["surfaces"]
+    if table == "reach":
+        return expand("<results>/reach/{system}.csv", system=SYSTEMS)
+    if table == "sweep":
+        pattern, methods = "<results>/sweep/{system}-{method}-{scatteritem}.csv", config["sweep"]["methods"]
+        jobs = [
+            scattered(gather.surfaces, surfaces[system], pattern, system=system, method=methods) for system in SYSTEMS
+        ]
+        return [path for paths in jobs for path in paths]
+    end = "" if table == "trials" else f"-{table}"
+    pattern = f"<results>/trials/{{system}}-{{method}}-{{scatteritem}}{end}.csv"
+    return scattered(gather.seeds, seeds, pattern, system=SYSTEMS, method=METHODS)
+
+
+def first_designs(system, method):
+    """The designs file that holds the first seed."""
+    pattern = "<results>/trials/{system}-{method}-{scatteritem}-designs.npz"
+    return scattered(gather.seeds, config["select"]["seeds"][:1], pattern, system=system, method=method)
+
+
+def everything():
+    """The default target: what can be drawn and, unless the tables are given, what must be simulated."""
+    drawn = ["panels.svg", "ablation.svg", "curve.svg", "summary.md"]
+    simulated = expand(["example-{system}.gif", "identifiability-{system}.md"], system=SYSTEMS)
+    return expand("<results>/{name}", name=drawn if "tables" in config else drawn + simulated)

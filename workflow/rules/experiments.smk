@@ -1,0 +1,110 @@
+# From the configuration to tables: everything that simulates.
+
+
+rule trials:
+    input:
+        code=simulation("trial"),
+    output:
+        trials="<results>/trials/{system}-{method}-{scatteritem}.csv",
+        diagnostics="<results>/trials/{system}-{method}-{scatteritem}-diagnostics.csv",
+        designs="<results>/trials/{system}-{method}-{scatteritem}-designs.npz",
+    log:
+        "<results>/logs/trials/{system}-{method}-{scatteritem}.log",
+    threads: 1
+    params:
+        config=settings("rounds", "design", "estimate"),
+        seeds=lambda wildcards: share(config["select"]["seeds"], wildcards),
+    message:
+        "trials of {wildcards.system}, {wildcards.method}, seeds {params.seeds}"
+    script:
+        "../scripts/trials.py"
+
+
+rule sweep:
+    input:
+        code=simulation("trial"),
+    output:
+        "<results>/sweep/{system}-{method}-{scatteritem}.csv",
+    log:
+        "<results>/logs/sweep/{system}-{method}-{scatteritem}.log",
+    threads: 1
+    params:
+        config=settings(
+            "estimate",
+            sweep={key: config["sweep"][key] for key in ("seeds", "rounds", "design")},
+            design={**config["design"], **config["sweep"]["design"]},
+        ),
+        surfaces=lambda wildcards: share(config["sweep"]["surfaces"][wildcards.system], wildcards),
+    message:
+        "sweep of {wildcards.system}, {wildcards.method}, surface at {params.surfaces} m"
+    script:
+        "../scripts/sweep.py"
+
+
+rule reach:
+    input:
+        code=simulation("reach"),
+    output:
+        "<results>/reach/{system}.csv",
+    log:
+        "<results>/logs/reach/{system}.log",
+    threads: 1
+    params:
+        config=settings("design", "reach"),
+    message:
+        "reach of {wildcards.system}: designs from starts without contact"
+    script:
+        "../scripts/reach.py"
+
+
+rule identifiability:
+    input:
+        code=simulation("reach"),
+    output:
+        report(
+            "<results>/identifiability-{system}.md",
+            caption="../report/identifiability.rst",
+            category="Identifiability",
+            labels={"system": "{system}"},
+        ),
+    log:
+        "<results>/logs/identifiability-{system}.log",
+    threads: 1
+    params:
+        config=settings("design"),
+    message:
+        "identifiability of {wildcards.system}"
+    script:
+        "../scripts/identifiability.py"
+
+
+rule gather:
+    input:
+        parts=lambda wildcards: pieces(wildcards.table),
+        code=code("tables"),
+    output:
+        "<results>/{table}.csv",
+    log:
+        "<results>/logs/gather-{table}.log",
+    wildcard_constraints:
+        table="trials|diagnostics|sweep|reach",
+    params:
+        systems=SYSTEMS,
+        methods=METHODS,
+    message:
+        "gather {wildcards.table}.csv"
+    script:
+        "../scripts/gather.py"
+
+
+rule reference:
+    input:
+        expand("<results>/{name}", name=REFERENCE),
+    log:
+        "<results>/logs/reference.log",
+    params:
+        folder=f"results/reference/{Path(config['results']).name}",
+    message:
+        "copy tables to {params.folder}"
+    shell:
+        "mkdir -p {params.folder} && cp -v {input} {params.folder} > {log} 2>&1"

@@ -1,0 +1,14 @@
+"""Error reduction against the share of random experiments that touch."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fimpact import figures, tables
+from fimpact.progress import logged
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with logged(snakemake.log[0]):
+    sweep, trials = tables.read(snakemake.input.sweep), tables.read(snakemake.input.trials)
+    figures.curve(sweep, trials, Path(snakemake.output.svg).with_suffix(""))

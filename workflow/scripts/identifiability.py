@@ -1,0 +1,14 @@
+"""What a designed and a random experiment show of every parameter, in words."""
+
+from typing import TYPE_CHECKING
+
+from fimpact import tables
+from fimpact.progress import logged
+from fimpact.reach import run_identifiability
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with logged(snakemake.log[0]):
+    text = run_identifiability(snakemake.params.config, snakemake.wildcards.system)
+    tables.write_text(text, snakemake.output[0])

@@ -1,0 +1,13 @@
+"""Error and information over experiments."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fimpact import figures, tables
+from fimpact.progress import logged
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with logged(snakemake.log[0]):
+    figures.panels(tables.read(snakemake.input.trials), Path(snakemake.output.svg).with_suffix(""))

@@ -1,0 +1,20 @@
+"""The numbers behind the README: one row per system and method, coverage, and the reduction curve."""
+
+from typing import TYPE_CHECKING
+
+from fimpact import summary, tables
+from fimpact.progress import logged
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+files, output = snakemake.input, snakemake.output
+
+with logged(snakemake.log[0]):
+    diagnostics = tables.read(files.diagnostics)
+    table = summary.summarise(tables.read(files.trials), diagnostics, tables.read(files.reach))
+    coverage = summary.coverage(diagnostics)
+    tables.write(table, output.summary)
+    tables.write(coverage, output.coverage)
+    tables.write(summary.reduction_curve(tables.read(files.sweep)), output.curve)
+    tables.write_text(summary.to_markdown(table) + "\n" + summary.coverage_to_markdown(coverage), output.text)
