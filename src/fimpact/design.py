@@ -6,6 +6,7 @@ follows it, and refines the best with exact forward-mode gradients (L-BFGS-B).
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,8 @@ from cmaes import CMA
 from mujoco import mjx
 from scipy.optimize import minimize
 
-from fimpact.information import CRITERIA, fisher as fisher_information
+from fimpact.information import CRITERIA
+from fimpact.information import fisher as fisher_information
 from fimpact.programs import programs
 from fimpact.rollout import relax_contact, remove_contact
 from fimpact.systems.base import System
@@ -83,29 +85,25 @@ def _search(task: Task, start: np.ndarray, reaches: np.ndarray, blind: bool) -> 
 def _refine(task: Task, start: np.ndarray, blind: bool) -> tuple[np.ndarray, int]:
     low, high = task.system.inputs.bounds
     model = remove_contact(task.model) if blind else task.model
-    climb = programs(task.system).climb
-    best = {"value": -np.inf, "design": start}
+    climb, seen = programs(task.system).climb, [(-np.inf, start)]
 
     def descend(unit: np.ndarray) -> tuple[float, np.ndarray]:
+        if len(seen) > task.budget["gradients"]:
+            raise _BudgetSpent
         design = low + unit * (high - low)
         value, gradient = climb(task.budget["criterion"], model, task.rho, design, task.known, blind)
-        if not np.isfinite(value) or not np.isfinite(gradient).all():
-            return 1e6, np.zeros_like(unit)
-        if value > best["value"]:
-            best.update(value=float(value), design=design)
-        return -float(value), -np.asarray(gradient) * (high - low)
+        finite = np.isfinite(value) and np.isfinite(gradient).all()
+        seen.append((float(value) if finite else -np.inf, design))
+        return (-float(value), -np.asarray(gradient) * (high - low)) if finite else (1e6, np.zeros_like(unit))
 
-    unit = [(0.0, 1.0)] * len(low)
-    result = minimize(
-        descend,
-        (start - low) / (high - low),
-        jac=True,
-        bounds=unit,
-        method="L-BFGS-B",
-        options={"maxfun": task.budget["gradients"]},
-    )
-    # One exact gradient costs about as much as one candidate per design variable; count it so.
-    return best["design"], result.nfev * (1 + len(low))
+    with suppress(_BudgetSpent):  # scipy's own limit is only looked at between line searches
+        minimize(descend, (start - low) / (high - low), jac=True, bounds=[(0.0, 1.0)] * len(low), method="L-BFGS-B")
+    # A forward-mode gradient carries every sensitivity once more per design variable: so many candidates.
+    return max(seen, key=lambda point: point[0])[1], (len(seen) - 1) * (1 + len(low))
+
+
+class _BudgetSpent(Exception):
+    """All gradients that the budget allows have been taken."""
 
 
 def evaluate(task: Task, candidates: np.ndarray, reach: float = 0.0, blind: bool = False) -> np.ndarray:

@@ -96,3 +96,12 @@ def _in_batches(function: Callable, width: int, key: str, result: type) -> Calla
         return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
 
     return run
+
+
+def compile_programs(system: System, criterion: str) -> None:
+    """Trace and compile all programs once, so that the jobs that follow find them in the cache."""
+    rho, design = np.ones(len(system.nominal)), np.mean(system.inputs.bounds, 0)
+    ready = programs(system)
+    ready.predict(system.template, rho, design)
+    ready.linearise(system.template, rho, design)
+    ready.climb(criterion, system.template, rho, design, np.eye(len(rho)), False)

@@ -21,7 +21,8 @@ class Scene:
     """One experiment, step by step.
 
     `position` (T, ngeom, 3) and `rotation` (T, ngeom, 3, 3) place the geoms; `contacts` holds per step an array
-    (n, 2, 2) of point (m) and force on the moving body (N) in the plane; `measurement` (T, ny) is without noise.
+    (n, 2, 2) of point (m) and force on the moving body (N) in the plane; `measurement` (T, ny) is without noise;
+    `pivots` (n, 2) are the joints that hold the robot to the world.
     """
 
     model: mujoco.MjModel
@@ -31,6 +32,7 @@ class Scene:
     rotation: np.ndarray
     contacts: tuple[np.ndarray, ...]
     measurement: np.ndarray
+    pivots: np.ndarray
 
     @property
     def force(self) -> np.ndarray:
@@ -56,8 +58,9 @@ def replay(system: System, theta: np.ndarray, design: np.ndarray) -> Scene:
         # Poses and forces still belong to the beginning of the step.
         seen = (data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy(), contacts(model, data, axes))
         steps.append((time, *seen, system.read(model, data)))
-    time, position, rotation, forces, measurement = zip(*steps, strict=True)
-    return Scene(model, axes, np.array(time), np.array(position), np.array(rotation), forces, np.array(measurement))
+    time, position, rotation, touches, measurement = zip(*steps, strict=True)
+    arrays = (np.array(part) for part in (time, position, rotation))
+    return Scene(model, axes, *arrays, touches, np.array(measurement), pivots(model, data, axes))
 
 
 def plane_of_motion(model: mujoco.MjModel) -> tuple[int, int]:
@@ -75,6 +78,13 @@ def contacts(model: mujoco.MjModel, data: mujoco.MjData, axes: tuple[int, int]) 
         # MuJoCo gives the force on the second geom.
         found[index] = contact.pos, force if moves(model, contact.geom2) else -force
     return found[:, :, list(axes)]
+
+
+def pivots(model: mujoco.MjModel, data: mujoco.MjData, axes: tuple[int, int]) -> np.ndarray:
+    """Where bodies hang on the world by one hinge, shape (n, 2)."""
+    held = (model.body_parentid == 0) & (model.body_jntnum == 1)
+    hinges = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE]
+    return np.array([data.xanchor[j, list(axes)] for j in hinges if held[model.jnt_bodyid[j]]]).reshape(-1, 2)
 
 
 def moves(model: mujoco.MjModel, geom: int) -> bool:
@@ -102,7 +112,7 @@ def surfaces(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def _core(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, float]:
     # Points (n, 3) in the geom's frame and the radius to round them by: the hull of both is the geom.
-    kind, size = model.geom_type[geom], model.geom_size[geom]
+    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         first, count = model.mesh_vertadr[model.geom_dataid[geom]], model.mesh_vertnum[model.geom_dataid[geom]]
         return model.mesh_vert[first : first + count], 0.0

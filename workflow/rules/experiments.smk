@@ -1,8 +1,26 @@
 # From the configuration to tables: everything that simulates.
 
 
+# Cold, this takes minutes; without it, jobs that start together would each compile the same programs.
+rule compile:
+    input:
+        code=lambda wildcards: code("compile", wildcards.system),
+    output:
+        "<results>/compiled/{system}.txt",
+    log:
+        "<results>/logs/compile-{system}.log",
+    threads: 1
+    params:
+        config=settings(design={"criterion": config["design"]["criterion"]}),
+    message:
+        "compile the programs of {wildcards.system}"
+    script:
+        "../scripts/compile.py"
+
+
 rule trials:
     input:
+        compiled="<results>/compiled/{system}.txt",
         code=simulation("trial"),
     output:
         trials="<results>/trials/{system}-{method}-{scatteritem}.csv",
@@ -22,6 +40,7 @@ rule trials:
 
 rule sweep:
     input:
+        compiled="<results>/compiled/{system}.txt",
         code=simulation("trial"),
     output:
         "<results>/sweep/{system}-{method}-{scatteritem}.csv",
@@ -43,6 +62,7 @@ rule sweep:
 
 rule reach:
     input:
+        compiled="<results>/compiled/{system}.txt",
         code=simulation("reach"),
     output:
         "<results>/reach/{system}.csv",
@@ -59,6 +79,7 @@ rule reach:
 
 rule identifiability:
     input:
+        compiled="<results>/compiled/{system}.txt",
         code=simulation("reach"),
     output:
         report(

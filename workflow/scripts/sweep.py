@@ -3,10 +3,10 @@
 from typing import TYPE_CHECKING
 
 import pandas as pd
-from fimpact.trial import run_sweep
 
 from fimpact import tables
 from fimpact.progress import logged
+from fimpact.trial import run_sweep
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -2,10 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact.trial import run_trials
-
 from fimpact import tables
 from fimpact.progress import logged
+from fimpact.trial import run_trials
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -7,7 +7,7 @@ import numpy as np
 from mujoco import mjx
 
 from fimpact import sensors
-from fimpact.systems.base import Inputs, Sensor, System, interpolate, parameters
+from fimpact.systems.base import Inputs, Sensor, System, interpolate, parameters, total_contact_force
 
 LINKS = (1, 2, 3)
 START = (-0.3, 0.9, 0.9)  # rad; the tip starts well clear of the wall
@@ -80,9 +80,4 @@ def sense(model: mjx.Model, data: mjx.Data, velocity: jax.Array) -> jax.Array:
 
 def read(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     """MuJoCo's own contact force on the tip in the plane, shape (2,), N."""
-    total = np.zeros(3)
-    for index in range(data.ncon):
-        force = np.zeros(6)
-        mujoco.mj_contactForce(model, data, index, force)
-        total += data.contact[index].frame.reshape(3, 3).T @ force[:3]
-    return total[:2]
+    return total_contact_force(model, data)[:2]

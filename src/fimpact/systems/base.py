@@ -110,3 +110,13 @@ def interpolate(knots: jax.Array, steps: int) -> jax.Array:
     """Piecewise linear signal, shape (steps, n), through `knots`, shape (k, n), equally spaced in time."""
     place = jnp.linspace(0.0, knots.shape[0] - 1.0, steps)
     return jax.vmap(lambda column: jnp.interp(place, jnp.arange(knots.shape[0]), column), 1, 1)(knots)
+
+
+def total_contact_force(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Sum over all contacts of MuJoCo's force on the second geom, in world axes, shape (3,), N."""
+    total = np.zeros(3)
+    for index in range(data.ncon):
+        force = np.zeros(6)
+        mujoco.mj_contactForce(model, data, index, force)
+        total += data.contact[index].frame.reshape(3, 3).T @ force[:3]
+    return total

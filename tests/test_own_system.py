@@ -1,0 +1,46 @@
+"""README's worked example of a system of one's own runs as printed."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+from conftest import ROOT
+
+SETTINGS = {
+    "surface": 0.3,
+    "timestep": 0.01,
+    "steps": 60,
+    "noise": 0.1,
+    "inputs": {"force": 3.0, "knots": 4},
+    "parameters": {"mass": {"unit": "kg", "nominal": 1.0, "bounds": [0.5, 2.0]}},
+}
+
+CHECK = """
+import numpy as np
+from fimpact import truth
+from fimpact.programs import programs
+from fimpact.systems import make_system
+cart = make_system("cart", {settings})
+push = np.full(4, 3.0)
+measured, steps = truth.simulate(cart, 1.2 * cart.nominal, push)
+predicted = programs(cart).predict(cart.template, np.array([1.2]), push)
+assert steps > 0 and predicted.closest[0] < 0
+assert np.abs(predicted.measurement[0] * 0.1 - measured.ravel()).max() < 1e-6 * measured.max()
+"""
+
+
+def test_the_readmes_cart_runs_in_both_engines(tmp_path):
+    shutil.copytree(ROOT / "src" / "fimpact", tmp_path / "fimpact")
+    readme, folder = (ROOT / "README.md").read_text(), tmp_path / "fimpact" / "systems"
+    for language, name in (("xml", "cart.xml"), ("python", "cart.py")):
+        (block,) = re.findall(rf"```{language}\n(.*?)```", readme, re.DOTALL)
+        (folder / name).write_text(block)
+    registry = folder / "__init__.py"
+    line = 'from fimpact.systems.cart import cart\n\nSYSTEMS = {"cart": cart, '
+    registry.write_text(registry.read_text().replace("SYSTEMS = {", line))
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    code = CHECK.replace("{settings}", repr(SETTINGS))
+    run = subprocess.run([sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
