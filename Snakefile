@@ -28,7 +28,7 @@ container: "docker://python:3.11-slim"
 
 scattergather:
     seeds=parts(config["select"]["seeds"], config["seeds_per_job"]),
-    surfaces=1,
+    surfaces=parts(sweep_seeds(), config["seeds_per_job"]),
 
 
 localrules:

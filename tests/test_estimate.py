@@ -60,7 +60,8 @@ def test_without_contact_the_prior_remains(systems):
     assert np.allclose(np.sqrt(np.diag(found.covariance)), 0.3, rtol=1e-3)
 
 
-def test_what_cannot_be_simulated_is_a_status_and_not_a_crash(systems):
+def test_what_cannot_be_simulated_is_a_status_and_not_a_crash(systems, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warning to a file
     block, guess = systems["block"], np.ones(3)
     known = campaign(block, np.ones(3), [TOUCHING["block"] * np.nan], guess)
     found = estimate(known, SETTINGS, [Mode(guess, 0.3 * np.eye(len(guess)))], np.random.default_rng(1))

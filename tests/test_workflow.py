@@ -68,16 +68,16 @@ def edited(finished, request) -> Iterator[Path]:
 
 
 def test_one_figure_needs_only_its_own_table(fresh):
-    assert planned(fresh, "results/smoke/ablation.png", *SMOKE) == {"ablation": 1, "gather": 1, "trials": 10}
+    assert planned(fresh, "results/smoke/ablation.png", *SMOKE) == {"ablation": 1, "compile": 2, "gather": 1, "trials": 10}
 
 
 def test_one_part_is_one_job(fresh):
-    assert planned(fresh, "results/smoke/sweep/arm-fisher-1-of-1.csv", *SMOKE) == {"sweep": 1}
+    assert planned(fresh, "results/smoke/sweep/arm-fisher-1-of-1.csv", *SMOKE) == {"compile": 1, "sweep": 1}
 
 
 def test_more_parts_than_seeds_leave_none_empty(fresh):
     jobs = planned(fresh, "results/smoke/trials.csv", *SMOKE, "--set-scatter", "seeds=20")
-    assert jobs == {"gather": 1, "trials": 20}
+    assert jobs == {"compile": 2, "gather": 1, "trials": 20}
 
 
 def test_committed_tables_are_drawn_without_a_simulation(fresh):

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from cmaes import CMA
-from mujoco import mjx
 from scipy.optimize import minimize
 
+from fimpact.engine import mjx
 from fimpact.information import CRITERIA
 from fimpact.information import fisher as fisher_information
 from fimpact.programs import programs

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from mujoco import mjx
 
+from fimpact.engine import mjx
 from fimpact.rollout import rollout
 from fimpact.systems.base import System
 

@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from mujoco import mjx
-from mujoco.mjx._src import smooth, support
 
+from fimpact.engine import mjx, smooth, support
 from fimpact.systems.base import System
+
+ONLY_SLIDES = 2  # MuJoCo's mark of a body whose joints all slide; it then weighs its mass alone
 
 
 class Rollout(NamedTuple):
@@ -52,6 +53,8 @@ def _inverse_weights(model: mjx.Model) -> jax.Array:
     mass = support.full_m(model, data)
 
     def weights(body: int) -> jax.Array:
+        if model.body_simple[body] == ONLY_SLIDES:
+            return jnp.stack([1.0 / model.body_mass[body], jnp.zeros(())])
         jacobian = jnp.stack(support.jac(model, data, data.xipos[body], body))
         return jnp.einsum("aij,aij->a", jacobian, jnp.linalg.solve(mass, jacobian)) / 3.0
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from mujoco import mjx
 
+from fimpact.engine import mjx
 from fimpact.programs import programs
 from fimpact.systems.base import System
 from fimpact.truth import Recording

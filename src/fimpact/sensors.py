@@ -6,8 +6,8 @@ and qpos and qvel at x_{i+1}; `velocity` is qvel at x_i.
 
 import jax
 import jax.numpy as jnp
-from mujoco import mjx
-from mujoco.mjx._src import support
+
+from fimpact.engine import mjx, support
 
 REGULARISER = 1e-9  # m^2; far below J_c J_c' away from a stretched arm, and keeps a stretched one finite
 

@@ -19,7 +19,7 @@ from jax import export
 from fimpact.runtime import cache_folder
 
 # What a traced program depends on, besides its key and arguments.
-SOURCES = ("information.py", "programs.py", "rollout.py", "sensors.py", "systems")
+SOURCES = ("engine.py", "information.py", "programs.py", "rollout.py", "sensors.py", "systems")
 
 
 def traced(function: Callable, key: str, result: Callable) -> Callable:
@@ -34,7 +34,7 @@ def traced(function: Callable, key: str, result: Callable) -> Callable:
     def call(*args):
         leaves, structure = jax.tree.flatten(args)
         if not ready:
-            shapes = [jax.ShapeDtypeStruct(np.shape(leaf), np.result_type(leaf)) for leaf in leaves]
+            shapes = [jax.ShapeDtypeStruct(np.shape(leaf), np.asarray(leaf).dtype) for leaf in leaves]
             ready.append(_load(lambda *flat: function(*jax.tree.unflatten(structure, flat)), key, shapes))
         return result(*ready[0](*leaves))
 

@@ -14,15 +14,15 @@ REFERENCE = ["trials.csv", "diagnostics.csv", "sweep.csv", "reach.csv", "summary
 
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
-MODEL = "__init__ runtime systems/__init__ systems/base sensors rollout information traced programs".split()
+MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
 STAGES = {
     "compile": MODEL,
     "trial": [*MODEL, "tables", "truth", "design", "search", "estimate", "trial"],
     "reach": [*MODEL, "tables", "truth", "design", "search", "trial", "reach"],
     "tables": ["tables"],
     "summary": ["tables", "measures", "summary"],
-    "figures": ["tables", "measures", "summary", "looks", "figures"],
-    "examples": [*MODEL, "tables", "truth", "looks", "figures", "examples"],
+    "figures": ["tables", "measures", "summary", "looks", "curve", "figures"],
+    "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks scene stage examples".split(),
 }
 
 
@@ -55,6 +55,11 @@ def settings(*tables, **replaced):
 def parts(items, size):
     """Number of jobs that share `items`, at most `size` in each."""
     return -(-len(items) // size)
+
+
+def sweep_seeds():
+    """One entry for every seed at every surface of the sweep's longest list, to be split like the seeds."""
+    return [seed for _ in max(config["sweep"]["surfaces"].values(), key=len) for seed in config["sweep"]["seeds"]]
 
 
 def share(items, wildcards):

@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-from mujoco import mjx
 
 from fimpact import sensors
+from fimpact.engine import mjx
 from fimpact.systems.base import Inputs, Sensor, System, interpolate, parameters, total_contact_force
 
 LINKS = (1, 2, 3)

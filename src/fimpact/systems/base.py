@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-from mujoco import mjx
+
+from fimpact.engine import mjx
 
 
 @dataclass(frozen=True)

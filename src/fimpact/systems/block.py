@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-from mujoco import mjx
 
 from fimpact import sensors
+from fimpact.engine import mjx
 from fimpact.systems.base import Inputs, Sensor, System, parameters
 
 DEPTH = 0.06  # m, across the plane of motion; known, and without effect on the motion
