@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
 
 from fimpact.looks import METHODS, STYLE, WIDTH, in_percent, log_ticks, set_ticks, write
 from fimpact.measures import BASELINE, DESIGNED, errors, final, reduction, touched
@@ -39,7 +40,7 @@ def _surfaces(ax: Axes, points: pd.DataFrame) -> None:
     _whiskers(ax, points, color=colour, linestyle=line, marker=marker)
     for point in points.itertuples():
         low = np.nanmin([point.reduction, point.reduction_low])
-        _name(ax, point.touched, 1 - low, f"{point.surface:g} m", -3, colour)
+        _name(ax, point.touched, 1 - low, f"{point.surface:g} m".replace("-", "−"), -3, colour)
 
 
 def _headline(ax: Axes, system: str, trials: pd.DataFrame) -> None:
@@ -48,7 +49,7 @@ def _headline(ax: Axes, system: str, trials: pd.DataFrame) -> None:
     star = pd.DataFrame([(share, *interval)], columns=["touched", *INTERVAL])
     _whiskers(ax, star, color="black", linestyle="none", marker="*", markersize=11)
     _name(ax, share, 1 - np.nanmax(interval), f"headline, {len(error)} seeds", 3, "black")
-    ax.set_title(f"{system.capitalize()}: {percent(interval[0])} less error where {percent(share, 0)} touch")
+    ax.set_title(f"{system.capitalize()}: {percent(interval[0])} error reduction where {percent(share, 0)} touch")
 
 
 def _whiskers(ax: Axes, table: pd.DataFrame, **look) -> None:
@@ -63,7 +64,8 @@ def _name(ax: Axes, x: float, y: float, text: str, offset: float, colour: str) -
     # Beyond the whisker's end, where neither the line nor a neighbour's whisker runs; edges lean inwards.
     side = "left" if x < 0.15 and len(text) > 8 else "right" if x > 0.85 and len(text) > 8 else "center"
     place = {"xytext": (0, offset), "textcoords": "offset points", "ha": side, "va": "top" if offset < 0 else "bottom"}
-    ax.annotate(text, (x, y), color=colour, fontsize=8, **place)
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    ax.annotate(text, (x, y), color=colour, fontsize=8, path_effects=halo, **place)
 
 
 def _reduction_axis(ax: Axes) -> None:

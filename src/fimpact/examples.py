@@ -6,18 +6,30 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
 from fimpact.looks import STYLE, WIDTH, save
 from fimpact.scene import Scene, replay
-from fimpact.stage import View, common_view, draw_bodies, draw_forces, draw_scale, draw_signal, draw_world, set_up
+from fimpact.stage import (
+    BODY,
+    CHANNELS,
+    FORCE,
+    View,
+    common_view,
+    draw_bodies,
+    draw_forces,
+    draw_scale,
+    draw_signal,
+    draw_world,
+    set_up,
+)
 from fimpact.systems import System, make_system
 
-POSES, ARROWS = 9, 14  # drawn of one experiment in a stroboscopic picture
+POSES, PEAKS, ARROWS = 9, 2, 8  # drawn of one experiment in a stroboscopic picture
 FRAMES, RATE = 80, 20  # of the film, and per second
 FILM = (6.4, 100)  # inches, dots per inch
-COLOURS = 64  # of the film's palette
 
 
 def draw(config: dict, system: str, designed: Path | str, random: Path | str, outputs: dict[str, Path | str]) -> None:
@@ -44,37 +56,39 @@ def choose(system: System, designed: Path | str, random: Path | str) -> dict[str
         others = theirs["designs"][list(theirs["seeds"]).index(seed)]
         scenes = [replay(system, theta, design) for design in ours["designs"][0]]
     longest = int(np.argmax([scene.touching.sum() for scene in scenes]))
+    about = f"seed {seed}, experiment {longest + 1}"
     return {
-        f"experiment {longest + 1} of seed {seed}, designed": scenes[longest],
-        "the same, uniform random": replay(system, theta, others[longest]),
+        f"designed: {about}": scenes[longest],
+        f"uniform random: {about}": replay(system, theta, others[longest]),
     }
 
 
 def picture(system: System, scenes: dict[str, Scene], path: Path | str) -> None:
     """Write the stroboscopic picture: dark is late, arrows are contact forces, dots below mark the poses in time."""
-    view = common_view(list(scenes.values()))
-    titles = [f"{name}\n{s.touching.sum()} of {len(s.time)} steps in contact" for name, s in scenes.items()]
-    figure, tops, bottoms = set_up(view, titles, WIDTH)
+    view, figure, tops, bottoms = _set_up(system, scenes, WIDTH)
     for ax, below, scene in zip(tops, bottoms, scenes.values(), strict=True):
-        draw_world(ax, scene, view)
         _strobe(ax, below, scene)
-        arrows = draw_forces(ax, scene, _thin(np.flatnonzero(scene.touching), ARROWS), view)
-        draw_scale(ax, arrows, view)
-        draw_signal(below, system, scene, view)
-    _explain(bottoms, system)
+        draw_forces(ax, scene, _thin(np.flatnonzero(scene.touching), ARROWS), view)
     save(figure, path)
     plt.close(figure)
 
 
 def film(system: System, scenes: dict[str, Scene], path: Path | str) -> None:
     """Write both scenes side by side as a GIF, slowed down to four seconds."""
-    shots = [Image.fromarray(shot) for shot in _shots(system, scenes)]
-    # One palette for all: taken from several frames, or a colour that comes late would be missing.
-    strip = np.concatenate([np.asarray(shot) for shot in shots[:: max(1, len(shots) // 8)]])
-    palette = Image.fromarray(strip).quantize(COLOURS)
+    palette = _palette()
+    shots = (Image.fromarray(shot) for shot in _shots(system, scenes))
     frames = [shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
     pause = [1000 // RATE] * (len(frames) - 1) + [1500]
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=pause, loop=0, optimize=False)
+
+
+def _palette() -> Image.Image:
+    # The colours we draw with, each fading to white: one found by counting pixels would lose the thin force arrows.
+    inks = [to_rgb(ink) for ink in ("black", BODY, FORCE, *(colour for colour, _ in CHANNELS))]
+    fades = [1 - (1 - np.array(ink)) * share for ink in inks for share in np.linspace(0, 1, 12)]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.rint(255 * np.array(fades)).astype(int).ravel().tolist())
+    return palette
 
 
 def _strobe(ax: Axes, below: Axes, scene: Scene) -> None:
@@ -87,32 +101,37 @@ def _strobe(ax: Axes, below: Axes, scene: Scene) -> None:
 
 
 def _moments(scene: Scene) -> np.ndarray:
-    # Evenly spaced in time, so that distance shows speed, and the peak of every impact.
+    # Evenly spaced in time, so that distance shows speed, and the peaks of the hardest contacts.
     even = np.linspace(0, len(scene.time) - 1, POSES).astype(int)
-    edges = np.flatnonzero(np.diff(np.r_[False, scene.touching, False]))
-    peaks = [first + np.argmax(scene.force[first:last]) for first, last in edges.reshape(-1, 2)]
-    return np.unique(np.r_[even, np.array(peaks, int)])
+    peaks = [first + np.argmax(scene.force[first:last]) for first, last in scene.episodes]
+    hardest = sorted(peaks, key=lambda step: -scene.force[step])[:PEAKS]
+    return np.unique(np.r_[even, np.array(hardest, int)])
 
 
 def _thin(steps: np.ndarray, most: int) -> np.ndarray:
     return steps[np.unique(np.linspace(0, len(steps) - 1, min(most, len(steps))).astype(int))]
 
 
-def _explain(bottoms: list[Axes], system: System) -> None:
-    bottoms[0].set_ylabel(f"{system.sensor.name}\n({system.sensor.unit.replace('^2', '²')})")
-    bottoms[0].legend(frameon=False, fontsize=8, loc="best", handlelength=1.8)
-
-
-def _shots(system: System, scenes: dict[str, Scene]) -> Iterator[np.ndarray]:
-    view, both = common_view(list(scenes.values())), list(scenes.values())
-    figure, tops, bottoms = set_up(view, scenes, FILM[0])
-    figure.set_dpi(FILM[1])
-    for ax, below, scene in zip(tops, bottoms, both, strict=True):
+def _set_up(system: System, scenes: dict[str, Scene], width: float) -> tuple[View, Figure, list[Axes], list[Axes]]:
+    # What picture and film share: everything that does not move.
+    view = common_view(list(scenes.values()))
+    titles = [f"{name}\n{s.touching.sum()} of {len(s.time)} steps in contact" for name, s in scenes.items()]
+    figure, tops, bottoms = set_up(view, titles, width)
+    for ax, below, scene in zip(tops, bottoms, scenes.values(), strict=True):
         draw_world(ax, scene, view)
         draw_scale(ax, draw_forces(ax, scene, [], view), view)
         draw_signal(below, system, scene, view)
+    bottoms[0].set_ylabel(f"{system.sensor.name}\n({system.sensor.unit.replace('^2', '²')})")
+    bottoms[0].legend(frameon=False, fontsize=8, handlelength=1.8)
+    return view, figure, tops, bottoms
+
+
+def _shots(system: System, scenes: dict[str, Scene]) -> Iterator[np.ndarray]:
+    view, figure, tops, bottoms = _set_up(system, scenes, FILM[0])
+    both = list(scenes.values())
+    figure.set_dpi(FILM[1])
+    for below, scene in zip(bottoms, both, strict=True):
         below.set_xlabel(f"time (s), shown {FRAMES / RATE / scene.time[-1]:.0f} × slower")
-    _explain(bottoms, system)
     for step in _beats(both):
         yield _shoot(figure, tops, bottoms, both, step, view)
     plt.close(figure)
@@ -127,7 +146,7 @@ def _beats(scenes: list[Scene]) -> list[int]:
 def _shoot(figure: Figure, tops, bottoms, scenes: list[Scene], step: int, view: View) -> np.ndarray:
     actors = []
     for ax, below, scene in zip(tops, bottoms, scenes, strict=True):
-        actors.append(draw_bodies(ax, scene, step, (0.25, 0.45, 0.65), 1.0))
+        actors.append(draw_bodies(ax, scene, step, to_rgb(BODY), 1.0))
         actors.append(draw_forces(ax, scene, [step], view))
         actors.append(below.axvline(scene.time[step], color="black", linewidth=1))
     figure.canvas.draw()

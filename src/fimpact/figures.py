@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from fimpact.curve import curve
-from fimpact.looks import METHODS, STYLE, WIDTH, in_percent, label_ends, log_ticks, power, write
+from fimpact.looks import METHODS, STYLE, WIDTH, in_percent, label_ends, log_places, log_ticks, power, set_ticks, write
 from fimpact.measures import BASELINE, DESIGNED, errors, final, information, information_ratio, touched
 from fimpact.summary import percent, times
 
@@ -52,19 +52,27 @@ def _error_panel(ax: Axes, system: str, trials: pd.DataFrame) -> None:
 def _information_panel(ax: Axes, system: str, trials: pd.DataFrame) -> None:
     table = information(trials).loc[[DESIGNED, BASELINE], 1:]
     least = table.where(table > 0).min(axis=None)
-    floor = 10.0 ** np.floor(np.log10(least) - 0.5) if least > 0 else 1.0
     # A logarithm has no zero: experiments that tell nothing lie on a line of their own below the least that does.
+    floor = 10.0 ** np.floor(np.log10(least) - 0.5) if least > 0 else 1.0
     lifted = table.clip(lower=floor)
     _bands(ax, lifted)
+    low, high = ax.get_ylim()
+    places = log_places(low, high, most=4)
     if (table == 0).any(axis=None):
         ax.axhline(floor, color="0.6", linewidth=0.6, zorder=0)
-        ax.set_ylim(bottom=floor / 1.5)
+        ax.set_ylim(floor / 1.5, high)
+        places = [floor, *log_places(np.nanmax([low, least]), high, most=4)]
+    set_ticks(ax.yaxis, places, lambda y: "none" if y == floor else power(y))
     _label(ax, lifted)
-    log_ticks(ax.yaxis, *ax.get_ylim(), lambda y: "none" if np.isclose(y, floor) else power(y))
     ax.set_ylabel("accumulated information, tr I")
-    ratio = information_ratio(trials)[DESIGNED].median()
-    more = f"{times(ratio)} by design" if np.isfinite(ratio) else "mostly none at random"
-    ax.set_title(f"{system.capitalize()} information: {more}")
+    ax.set_title(_compare(system, trials))
+
+
+def _compare(system: str, trials: pd.DataFrame) -> str:
+    ratio = information_ratio(trials)[DESIGNED]
+    if np.isfinite(ratio.median()):
+        return f"{system.capitalize()} information: {times(ratio.median())} by design"
+    return f"{system.capitalize()}: none at random in {np.isinf(ratio).sum()} of {len(ratio)} seeds"
 
 
 def _bands(ax: Axes, table: pd.DataFrame) -> None:
@@ -88,10 +96,11 @@ def _label(ax: Axes, table: pd.DataFrame) -> None:
 def _strips(ax: Axes, system: str, trials: pd.DataFrame) -> None:
     error = final(errors(trials))
     methods = [method for method in METHODS if method in error]
-    _notes(ax, -1, "median", "touched")
+    _notes(ax, 1.07, "axes fraction", "median", "touched")
     for place, method in enumerate(methods):
         _strip(ax, place, method, error[method])
-        _notes(ax, place, percent(error[method].median()), percent(touched(trials[trials.method == method]), 0))
+        share = touched(trials[trials.method == method])
+        _notes(ax, place, "data", percent(error[method].median()), percent(share, 0))
     ax.set_yticks(range(len(methods)), [METHODS[method][0] for method in methods])
     ax.set(xscale="log", ylim=(len(methods) - 0.5, -0.5), xlabel="parameter error after the last experiment (rms)")
     log_ticks(ax.xaxis, *ax.get_xlim(), in_percent)
@@ -108,8 +117,7 @@ def _strip(ax: Axes, place: int, method: str, error: pd.Series) -> None:
     ax.plot([middle] * 2, [place - 0.3, place + 0.3], color="black", linewidth=2)
 
 
-def _notes(ax: Axes, place: float, *notes: str) -> None:
+def _notes(ax: Axes, y: float, coordinates: str, *notes: str) -> None:
     for x, note in zip((1.1, 1.22), notes, strict=True):
-        ax.annotate(
-            note, (x, place), xycoords=("axes fraction", "data"), ha="right", va="center", annotation_clip=False
-        )
+        place = {"xycoords": ("axes fraction", coordinates), "ha": "right", "va": "center"}
+        ax.annotate(note, (x, y), annotation_clip=False, **place)

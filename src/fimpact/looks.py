@@ -48,13 +48,18 @@ def write(figure: Figure, stem: Path | str) -> None:
 
 
 def log_ticks(axis: Axis, low: float, high: float, label) -> None:
-    """Ticks at round multiples of powers of ten between `low` and `high`: as many as are readable."""
+    """Round ticks on a logarithmic axis, written by `label`."""
+    set_ticks(axis, log_places(low, high), label)
+
+
+def log_places(low: float, high: float, most: int = 7) -> list[float]:
+    """Round multiples of powers of ten between `low` and `high`, the finest set that has no more than `most`."""
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     for factors in ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1,)):
-        places = [place for place in np.outer(decades, factors).ravel() if low <= place <= high]
-        if len(places) <= 7:
+        places = [float(place) for place in np.outer(decades, factors).ravel() if low <= place <= high]
+        if len(places) <= most:
             break
-    set_ticks(axis, places, label)
+    return places
 
 
 def set_ticks(axis: Axis, places: list[float], label) -> None:

@@ -13,6 +13,7 @@ DESIGNED, BASELINE = "fisher", "uniform"
 CAMPAIGN = ["method", "seed"]
 ROUND_OFF = 1e-9  # a prior of 30 % is worth 11 per parameter; without contact, round-off leaves some 1e-25
 CONFIDENCE, RESAMPLES = 0.95, 9999
+NOTHING = 1e-9  # information that a sensor which never fired seems to give, by rounding; the prior's is above 1
 
 
 def errors(trials: pd.DataFrame) -> pd.DataFrame:
@@ -27,7 +28,7 @@ def errors(trials: pd.DataFrame) -> pd.DataFrame:
 def information(trials: pd.DataFrame) -> pd.DataFrame:
     """Trace of the accumulated information in one system; rows (method, seed), columns rounds; forward as `errors`."""
     trace = trials.groupby([*CAMPAIGN, "round"]).information_trace.first()
-    return _forward(trace.mask(trace < ROUND_OFF, 0.0), "information in round 0")
+    return _forward(trace.mask(trace < NOTHING, 0.0), "information in round 0")
 
 
 def final(table: pd.DataFrame) -> pd.DataFrame:

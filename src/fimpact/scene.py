@@ -44,6 +44,11 @@ class Scene:
         """Whether there is contact at every step, shape (T,)."""
         return np.array([len(step) > 0 for step in self.contacts])
 
+    @property
+    def episodes(self) -> np.ndarray:
+        """First step of every contact and the step after its last, shape (n, 2)."""
+        return np.flatnonzero(np.diff(np.r_[False, self.touching, False])).reshape(-1, 2)
+
 
 def replay(system: System, theta: np.ndarray, design: np.ndarray) -> Scene:
     """Simulate `design` on the system with parameters `theta`, in physical units, and keep what can be seen."""

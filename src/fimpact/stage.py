@@ -10,15 +10,16 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
+from matplotlib.ticker import MaxNLocator
 
 from fimpact.scene import Scene, moves, outline, surfaces
 from fimpact.systems import System
 
-FORCE = "#D55E00"
+FORCE, BODY = "#D55E00", "#4477AA"
 CHANNELS = (("#0072B2", "-"), ("#000000", "--"), ("#009E73", ":"), ("#CC79A7", "-."))
 REACH = 0.22  # length of the longest force arrow, as a share of the motion's extent
 SLAB = 0.03  # drawn thickness of a surface, likewise
-SHAPES = (0.7, 1.5)  # least and greatest height of a picture per width
+SHAPES = (0.7, 1.4)  # least and greatest height of a picture per width
 
 
 @dataclass(frozen=True)
@@ -61,11 +62,12 @@ def geoms(scene: Scene, moving: bool = True) -> list[int]:
 def set_up(view: View, names: Iterable[str], width: float) -> tuple[Figure, list[Axes], list[Axes]]:
     """A figure of `width` inches with a picture and a signal for every name, side by side."""
     names = list(names)
-    height = width / len(names) * view.extent[1] / view.extent[0]
+    # The label left of the signals takes its share of the width.
+    height = (width - 0.9) / len(names) * view.extent[1] / view.extent[0]
     figure, axes = plt.subplots(
         2,
         len(names),
-        figsize=(width, height + 2.3),
+        figsize=(width, height + 2.2),
         squeeze=False,
         height_ratios=[height, 1.4],
         sharex="row",
@@ -107,19 +109,21 @@ def draw_forces(ax: Axes, scene: Scene, steps: Iterable[int], view: View) -> Qui
 
 
 def draw_scale(ax: Axes, arrows: Quiver, view: View) -> None:
-    """The length of a round force, in the picture's upper right corner."""
+    """The length of a round force, beside the title."""
     longest = view.newtons * view.extent[0] / 6
     newtons = max(n for n in np.outer(10.0 ** np.arange(-6, 7), (1, 2, 5)).ravel() if n <= longest)
-    ax.quiverkey(arrows, 0.93, 1.03, newtons, f"{newtons:g} N", labelpos="W", color=FORCE)
+    ax.quiverkey(arrows, 0.82, 1.03, newtons, f"{newtons:g} N", labelpos="W", color=FORCE)
 
 
 def draw_signal(ax: Axes, system: System, scene: Scene, view: View) -> None:
     """What the sensor shows over time, without noise; contact is shaded."""
-    ax.fill_between(scene.time, 0, 1, where=scene.touching, step="post", color="0.88", linewidth=0,
-                    transform=ax.get_xaxis_transform())  # fmt: skip
+    timestep = scene.model.opt.timestep
+    spans = [(first * timestep, (last - first) * timestep) for first, last in scene.episodes]
+    ax.broken_barh(spans, (0, 1), color="0.88", linewidth=0, transform=ax.get_xaxis_transform())
     for channel, values, (colour, line) in zip(system.sensor.channels, scene.measurement.T, CHANNELS, strict=False):
         ax.plot(scene.time, values, color=colour, linestyle=line, linewidth=1.2, label=channel.replace("_", " "))
-    ax.set(xlabel="time (s)", ylim=view.signal, xlim=(0, scene.time[-1]))
+    ax.set(xlabel="time (s)", ylim=view.signal, xlim=(0, scene.time[-1] + timestep))
+    ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
 
 
 def _widen(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

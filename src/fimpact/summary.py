@@ -120,8 +120,9 @@ def coverage_to_markdown(table: pd.DataFrame, method: str = DESIGNED) -> str:
     return "\n".join(lines) + "\n"
 
 
-def percent(share: float, digits: int = 1) -> str:
-    """A share as readable percent; a dash if unknown."""
+def percent(share: float, digits: int | None = None) -> str:
+    """A share as readable percent, a decimal more below 1 %; a dash if unknown."""
+    digits = digits if digits is not None else 2 if 0 < abs(share) < 0.01 else 1
     return f"{100 * share:.{digits}f} %".replace("-", "−") if np.isfinite(share) else "–"
 
 
@@ -142,7 +143,7 @@ def _gain(row) -> str:
 
 def times(ratio: float) -> str:
     """A ratio as readable factor."""
-    return "∞" if np.isinf(ratio) else f"{ratio:,.0f} ×" if ratio >= 100 else f"{ratio:.2g} ×"
+    return "∞" if np.isinf(ratio) else f"{ratio:,.0f} ×" if 100 <= ratio < 1e6 else f"{ratio:.2g} ×"
 
 
 def _duration(seconds: float) -> str:

@@ -10,7 +10,9 @@ except ValueError as error:
     sys.exit(str(error))
 
 SYSTEMS, METHODS = config["select"]["systems"], config["select"]["methods"]
-REFERENCE = ["trials.csv", "diagnostics.csv", "sweep.csv", "reach.csv", "summary.csv"]
+REFERENCE = [f"{name}.csv" for name in "trials diagnostics sweep reach summary".split()]
+REFERENCE += [f"{name}.png" for name in "panels ablation curve example-arm example-block".split()]
+REFERENCE += ["example-arm.gif", "example-block.gif"]
 
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
