@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from conftest import CLEAR, TOUCHING
+from scipy.optimize import OptimizeResult
 
 from fimpact import truth
-from fimpact.estimate import estimate
+from fimpact.estimate import _mode, estimate
 from fimpact.search import Campaign, Mode
 
 SETTINGS = {
@@ -66,3 +67,9 @@ def test_what_cannot_be_simulated_is_a_status_and_not_a_crash(systems, monkeypat
     known = campaign(block, np.ones(3), [TOUCHING["block"] * np.nan], guess)
     found = estimate(known, SETTINGS, [Mode(guess, 0.3 * np.eye(len(guess)))], np.random.default_rng(1))
     assert found.status.startswith("failed") and np.isnan(found.rho).all()
+
+
+def test_information_beyond_round_off_still_gives_a_covariance():
+    slope = np.array([[1e9, 0.0], [1e9, 1e-9]])
+    mode = _mode(OptimizeResult(x=np.ones(2), jac=slope))
+    assert np.isfinite(mode.spread).all()

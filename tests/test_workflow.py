@@ -68,7 +68,12 @@ def edited(finished, request) -> Iterator[Path]:
 
 
 def test_one_figure_needs_only_its_own_table(fresh):
-    assert planned(fresh, "results/smoke/ablation.png", *SMOKE) == {"ablation": 1, "compile": 2, "gather": 1, "trials": 10}
+    assert planned(fresh, "results/smoke/ablation.png", *SMOKE) == {
+        "ablation": 1,
+        "compile": 2,
+        "gather": 1,
+        "trials": 10,
+    }
 
 
 def test_one_part_is_one_job(fresh):

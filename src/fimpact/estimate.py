@@ -58,7 +58,12 @@ def _conclude(fits: list[OptimizeResult], carried: list[Mode]) -> Estimate:
 
 
 def _mode(fit: OptimizeResult) -> Mode:
-    return Mode(fit.x, np.linalg.cholesky(np.linalg.inv(fit.jac.T @ fit.jac)))
+    precision = fit.jac.T @ fit.jac
+    try:
+        return Mode(fit.x, np.linalg.cholesky(np.linalg.inv(precision)))
+    except np.linalg.LinAlgError:  # so much information in one direction that round-off hides another
+        values, vectors = np.linalg.eigh(precision)
+        return Mode(fit.x, vectors / np.sqrt(np.maximum(values, values[-1] * np.finfo(float).eps)))
 
 
 def _polish(campaign: Campaign, start: np.ndarray, settings: dict) -> OptimizeResult | None:
@@ -73,7 +78,7 @@ def _polish(campaign: Campaign, start: np.ndarray, settings: dict) -> OptimizeRe
         return np.vstack([slope.reshape(-1, len(rho)), np.eye(len(rho)) / campaign.prior_sd])
 
     try:
-        return least_squares(
+        fit = least_squares(
             residual,
             start,
             jacobian,
@@ -84,6 +89,7 @@ def _polish(campaign: Campaign, start: np.ndarray, settings: dict) -> OptimizeRe
         )
     except ValueError:  # scipy refuses a residual that is not finite: this start cannot be simulated
         return None
+    return fit if np.isfinite(fit.jac).all() else None
 
 
 def _noise_floor(campaign: Campaign) -> float:

@@ -104,7 +104,7 @@ def outline(scene: Scene, geom: int, step: int) -> np.ndarray:
         return np.zeros((0, 2))
     points = core @ scene.rotation[step, geom].T + scene.position[step, geom]
     cloud = (points[:, None, list(scene.axes)] + radius * CIRCLE).reshape(-1, 2)
-    return cloud[ConvexHull(cloud, qhull_options="QJ Pp").vertices]
+    return cloud[ConvexHull(cloud).vertices]
 
 
 def surfaces(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:

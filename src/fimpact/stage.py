@@ -110,9 +110,9 @@ def draw_forces(ax: Axes, scene: Scene, steps: Iterable[int], view: View) -> Qui
 
 def draw_scale(ax: Axes, arrows: Quiver, view: View) -> None:
     """The length of a round force, beside the title."""
-    longest = view.newtons * view.extent[0] / 6
+    longest = view.newtons * view.extent[0] / 8
     newtons = max(n for n in np.outer(10.0 ** np.arange(-6, 7), (1, 2, 5)).ravel() if n <= longest)
-    ax.quiverkey(arrows, 0.82, 1.03, newtons, f"{newtons:g} N", labelpos="W", color=FORCE)
+    ax.quiverkey(arrows, 0.86, 1.03, newtons, f"{newtons:g} N", labelpos="W", color=FORCE)
 
 
 def draw_signal(ax: Axes, system: System, scene: Scene, view: View) -> None:
