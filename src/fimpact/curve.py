@@ -38,9 +38,10 @@ def curve(sweep: pd.DataFrame, trials: pd.DataFrame, stem: Path | str) -> None:
 def _surfaces(ax: Axes, points: pd.DataFrame) -> None:
     _, colour, line, marker = METHODS[DESIGNED]
     _whiskers(ax, points, color=colour, linestyle=line, marker=marker)
-    for point in points.itertuples():
+    for index, point in enumerate(points.itertuples()):
         low = np.nanmin([point.reduction, point.reduction_low])
-        _name(ax, point.touched, 1 - low, f"{point.surface:g} m".replace("-", "−"), -3, colour)
+        drop = -12 if index % 2 else -3  # neighbours on two levels, or their names run into each other
+        _name(ax, point.touched, 1 - low, f"{point.surface:g} m".replace("-", "−"), drop, colour)
 
 
 def _headline(ax: Axes, system: str, trials: pd.DataFrame) -> None:
