@@ -1,0 +1,181 @@
+"""Actuators that give more, less, later or something else than they are told."""
+
+import mujoco
+import numpy as np
+from scipy.signal import lfilter
+
+from fimpact.effects import amounts, sites
+from fimpact.effects.base import Coefficient, Effect, Signal
+from fimpact.effects.native import exporting
+from fimpact.effects.sites import ALL
+
+LEVELS = (0.9, 1.1, 1.3)  # of the root mean square force: about 0.6, 0.8 and 0.9 of the largest of a sine
+
+
+def gain(model, site, change):
+    """Gain and bias together: what the whole drive delivers is scaled."""
+    row = model.actuator(site).id
+    model.actuator_gainprm[row, :3] *= 1 + change
+    model.actuator_biasprm[row, :3] *= 1 + change
+
+
+def saturation(model, site, limit):
+    """MuJoCo's force range, inside the one that the model has."""
+    if not np.isfinite(limit):
+        return
+    row = model.actuator(site).id
+    low, high = model.actuator_forcerange[row] if model.actuator_forcelimited[row] else (-np.inf, np.inf)
+    model.actuator_forcelimited[row] = True
+    model.actuator_forcerange[row] = max(low, -limit), min(high, limit)
+
+
+def command_delay(ctrl, signal: Signal, site, delay):
+    """Between steps by linear interpolation; nothing is commanded before the start of the run.
+
+    MuJoCo's own actuator delay does the same, but cannot be shorter than a time step: it is not used.
+    """
+    out = np.array(ctrl, float)
+    whole, part = divmod(delay / _step(signal), 1.0)
+    kept, count = _actuators(signal, site), ctrl.shape[1]
+    padded = np.concatenate([np.zeros((len(ctrl), min(int(whole), count) + 1, len(kept))), out[:, :, kept]], axis=1)
+    out[:, :, kept] = (1 - part) * padded[:, 1 : 1 + count] + part * padded[:, :count]
+    return out
+
+
+def actuator_lag(ctrl, signal: Signal, site, time):
+    """First-order filter from rest; its pole is chosen so that it holds back `time` times each step of the command."""
+    out, step = np.array(ctrl, float), _step(signal)
+    kept, keep = _actuators(signal, site), time / (time + step)
+    out[:, :, kept] = lfilter([1 - keep], [1, -keep], out[:, :, kept], axis=1)
+    return out
+
+
+def rotor_inertia(model, site, inertia):
+    """MuJoCo's armature."""
+    model.dof_armature[model.joint(site).dofadr[0]] += inertia
+
+
+def torque_offset(model, site, offset):
+    """The constant part of an affine actuator."""
+    row = model.actuator(site).id
+    model.actuator_biastype[row] = sites.AFFINE[1]
+    model.actuator_biasprm[row, 0] += offset
+
+
+def _export_lag(spec, site, time):
+    if time <= 0:
+        return
+    actuator, step, parameters = spec.actuator(site), spec.option.timestep, np.zeros(10)
+    parameters[0] = step / np.log1p(step / time)
+    actuator.dyntype, actuator.dynprm, actuator.actearly = mujoco.mjtDyn.mjDYN_FILTEREXACT, parameters, True
+
+
+def _step(signal: Signal) -> float:
+    return float(signal.time[0, 1] - signal.time[0, 0]) if signal.time.shape[1] > 1 else np.inf
+
+
+def _actuators(signal: Signal, site) -> list[int]:
+    # Not Signal.column: a channel may have an actuator's name.
+    return list(range(len(signal.actuators))) if site == ALL else [signal.actuators.index(site)]
+
+
+def _saturation_probes(scales, model, site):
+    return [{"limit": level * amounts.drive(scales, model, site)} for level in LEVELS]
+
+
+def _rotor_probes(scales, model, site):
+    own = 1 / max(float(model.dof_invweight0[model.joint(site).dofadr[0]]), 1e-9)
+    return [{"inertia": amounts.SMALL * own}]
+
+
+def _offset_probes(scales, model, site):
+    return [{"offset": amounts.SMALL * amounts.drive(scales, model, site)}]
+
+
+EFFECTS = (
+    Effect(
+        name="gain",
+        family="actuation",
+        equation="τ = (1 + ε) τ_model",
+        sentence="The motor gives a fixed percentage more or less torque than its data sheet says.",
+        reference="Gautier, Briot, J. Dyn. Syst. Meas. Control 136(5), 2014",
+        enters="model",
+        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
+        sites=sites.actuators,
+        probes=lambda scales, model, site: [{"change": amounts.SMALL}],
+        law=gain,
+        neutral={"change": 0.0},
+        export=exporting(gain),
+    ),
+    Effect(
+        name="saturation",
+        family="actuation",
+        equation="τ = clip(τ_model, −c, c)",
+        sentence="The drive cannot give more than a certain torque, whatever it is told.",
+        reference="Siciliano, Sciavicco, Villani, Oriolo, Robotics, Springer 2009, ch. 5",
+        enters="model",
+        coefficients=(Coefficient("limit", "N m", low=1e-9),),
+        sites=sites.actuators,
+        probes=_saturation_probes,
+        law=saturation,
+        neutral={"limit": np.inf},
+        export=exporting(saturation),
+        linear=False,
+    ),
+    Effect(
+        name="command_delay",
+        family="actuation",
+        equation="u(t) = u_command(t − δ)",
+        sentence="Commands reach the motor late, because of buses, drivers and control cycles.",
+        reference="Hwangbo et al., Science Robotics 4(26), 2019",
+        enters="command",
+        coefficients=(Coefficient("delay", "s", low=0.0, high=1.0),),
+        sites=sites.commands,
+        probes=lambda scales, model, site: [{"delay": 0.2 * scales.period}],
+        law=command_delay,
+        neutral={"delay": 0.0},
+    ),
+    Effect(
+        name="actuator_lag",
+        family="actuation",
+        equation="T du/dt = u_command − u",
+        sentence="Motor current or pressure follows its command with a time constant instead of at once.",
+        reference="Siciliano, Sciavicco, Villani, Oriolo, Robotics, Springer 2009, ch. 5",
+        enters="command",
+        coefficients=(Coefficient("time", "s", low=0.0, high=10.0),),
+        sites=sites.prompt,
+        probes=lambda scales, model, site: [{"time": 0.3 * scales.period}],
+        law=actuator_lag,
+        neutral={"time": 0.0},
+        export=_export_lag,
+        linear=False,
+    ),
+    Effect(
+        name="rotor_inertia",
+        family="actuation",
+        equation="τ = −I q̈",
+        sentence="The spinning rotor, seen through the gear, adds inertia about the joint alone.",
+        reference="Khalil, Dombre, Modeling, Identification and Control of Robots, 2002, ch. 9",
+        enters="model",
+        coefficients=(Coefficient("inertia", "kg m²", low=0.0),),
+        sites=sites.joints,
+        probes=_rotor_probes,
+        law=rotor_inertia,
+        neutral={"inertia": 0.0},
+        export=exporting(rotor_inertia),
+    ),
+    Effect(
+        name="torque_offset",
+        family="actuation",
+        equation="τ = τ_model + τ₀",
+        sentence="The drive pushes with a constant torque even at zero command, from a current sensor's offset.",
+        reference="Janot, Gautier, Brunot, Data set and reference models of EMPS, 2019",
+        enters="model",
+        coefficients=(Coefficient("offset", "N m"),),
+        sites=sites.actuators,
+        probes=_offset_probes,
+        law=torque_offset,
+        neutral={"offset": 0.0},
+        export=exporting(torque_offset),
+    ),
+)

@@ -1,0 +1,162 @@
+"""What an effect is: one piece of physics that a model may lack, where it can sit and how it enters.
+
+An effect enters a simulation in one of four ways, and `Effect.enters` says which function it is:
+
+- ``model``:   ``f(model, site, **values)`` edits the fields of a MuJoCo model in place (the native way).
+- ``force``:   ``f(state, site, **values)`` returns a generalised force, shape (n, nv), N or N m.
+- ``command``: ``f(ctrl, signal, site, **values)`` returns the commands that reach the plant, (runs, T, nu).
+- ``measurement``: ``f(measured, signal, site, **values)`` returns what the sensors report, (n, T, ny).
+
+`values` are the effect's parameters by name. At its neutral values an effect changes nothing.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+ENTERS = ("model", "force", "command", "measurement")
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A parameter of an effect: unit and bounds; `shape` parameters have no meaning where the amplitude is zero."""
+
+    name: str
+    unit: str
+    low: float = -np.inf
+    high: float = np.inf
+    shape: bool = False
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical magnitudes in the recording at hand, from which probing amplitudes follow.
+
+    force, speed, travel: root mean square generalised force, speed and standard deviation of position of each
+    degree of freedom, (nv,) each. command: root mean square of each actuator's command, (nu,). measured:
+    standard deviation of each channel, (ny,). mass: total moving mass, kg. length: size of the mechanism, m.
+    gravity: m/s^2, 9.81 where the model has none. period: sampling period, s. duration: of the longest run, s.
+    """
+
+    force: np.ndarray
+    speed: np.ndarray
+    travel: np.ndarray
+    command: np.ndarray
+    measured: np.ndarray
+    mass: float
+    length: float
+    gravity: float
+    period: float
+    duration: float
+
+
+@dataclass
+class State:
+    """The state of n simulations in one step, as a force law sees it.
+
+    qpos (n, nq), qvel (n, nv), ctrl (n, nu), time (n,) since the start of the run, step: s.
+    memory: anything a law with a state of its own keeps, by its own key; empty at the start of a window.
+    """
+
+    model: mujoco.MjModel
+    qpos: np.ndarray
+    qvel: np.ndarray
+    ctrl: np.ndarray
+    time: np.ndarray
+    step: float
+    memory: dict = field(default_factory=dict)
+
+    def joint(self, site: str) -> tuple[int, np.ndarray, np.ndarray]:
+        """Degree of freedom, position (n,) and speed (n,) of the hinge or slide joint `site`."""
+        joint = self.model.joint(site)
+        return joint.dofadr[0], self.qpos[:, joint.qposadr[0]], self.qvel[:, joint.dofadr[0]]
+
+    def body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position (n, 3), velocity (n, 3) of the centre of mass of body `site`, and its Jacobian (n, 3, nv)."""
+        if "kinematics" not in self.memory:  # making it takes longer than all that follows
+            self.memory["kinematics"] = mujoco.MjData(self.model)
+        data, body = self.memory["kinematics"], self.model.body(site).id
+        position, jacobian = np.empty((len(self.qpos), 3)), np.zeros((len(self.qpos), 3, self.model.nv))
+        for row, qpos in enumerate(self.qpos):
+            data.qpos[:] = qpos
+            mujoco.mj_kinematics(self.model, data)
+            mujoco.mj_comPos(self.model, data)
+            mujoco.mj_jacBodyCom(self.model, data, jacobian[row], None, body)
+            position[row] = data.xipos[body]
+        return position, np.einsum("nij,nj->ni", jacobian, self.qvel), jacobian
+
+    def on_joint(self, dof: int, force: np.ndarray) -> np.ndarray:
+        """The generalised force, (n, nv), of `force` (n,) on one degree of freedom."""
+        out = np.zeros_like(self.qvel)
+        out[:, dof] = force
+        return out
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Time base and commands that belong to an array of measurements or commands.
+
+    time: (n, T), s since the start of the run. ctrl: (n, T, nu), as recorded. channels: names of the measured
+    columns, (ny,). actuators: names of the command columns, (nu,). force: (n, T, nu), generalised force or
+    force of each actuator. joint_of: the channel measures the position of this joint, or "" if it does not.
+    driven_by: the actuator that drives that joint, or -1.
+    """
+
+    time: np.ndarray
+    ctrl: np.ndarray
+    channels: tuple[str, ...]
+    actuators: tuple[str, ...]
+    force: np.ndarray
+    joint_of: tuple[str, ...]
+    driven_by: tuple[int, ...]
+
+    def column(self, site: str) -> list[int]:
+        """Columns that `site` names: one channel or actuator, or every one of them for "all"."""
+        names = self.channels if site in self.channels else self.actuators
+        return list(range(len(names))) if site == "all" else [names.index(site)]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One entry of the catalogue.
+
+    sites: of (model, channels) -> names of the joints, actuators, bodies, contact pairs or channels where it can sit.
+    probes: of (scales, model, site) -> values at which the effect is tried; each gives one column of the score test.
+    law: the function described at the top of this module.
+    export: of (spec, site, **values): write it into an MjSpec with native fields; None where MuJoCo has none, and
+        then the law itself is exported as a documented Python callback.
+    neutral: values at which nothing changes. family, equation, sentence, reference: for the report.
+    linear: the law is proportional to its amplitude parameters (all that are not `shape`), so a probe can be scaled.
+    contains: names of effects that are special cases of this one.
+    """
+
+    name: str
+    family: str
+    equation: str
+    sentence: str
+    reference: str
+    enters: str
+    coefficients: tuple[Coefficient, ...]
+    sites: Callable[[mujoco.MjModel, Sequence[str]], list[str]]
+    probes: Callable[[Scales, mujoco.MjModel, str], list[dict[str, float]]]
+    law: Callable
+    neutral: dict[str, float]
+    export: Callable | None = None
+    linear: bool = True
+    contains: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect at a site with values: a hypothesis about what is missing."""
+
+    effect: Effect
+    site: str
+    values: dict[str, float]
+
+    @property
+    def name(self) -> str:
+        """``effect@site``, the form in which tables and answers name it."""
+        return f"{self.effect.name}@{self.site}"

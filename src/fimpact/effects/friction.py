@@ -1,0 +1,170 @@
+"""Friction in joints: dry, viscous and everything between."""
+
+import numpy as np
+
+from fimpact.effects import amounts, sites
+from fimpact.effects.base import Coefficient, Effect, State
+from fimpact.effects.drives import dry, motor_force
+from fimpact.effects.native import exporting
+
+MODELS = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+REMEMBERED = 0.1  # s: how long a joint that moves at the start of a window is taken to have moved already
+
+
+def frictionloss(model, site, friction):
+    """MuJoCo's dry friction, which holds a resting joint exactly."""
+    model.dof_frictionloss[model.joint(site).dofadr[0]] += friction
+
+
+def viscous(model, site, damping):
+    """MuJoCo's joint damping."""
+    model.dof_damping[model.joint(site).dofadr[0]] += damping
+
+
+def direction_dependent(model, site, forward, backward):
+    """Both limits are a symmetric friction beside a constant force, moving or not."""
+    frictionloss(model, site, (forward + backward) / 2)
+    motor = sites.drives(model, site)[0]
+    model.actuator_biastype[motor] = sites.AFFINE[1]
+    model.actuator_biasprm[motor, 0] -= (forward - backward) / 2 / model.actuator_gear[motor, 0]
+
+
+def stribeck(state: State, site, coulomb, excess, speed):
+    """Dry friction whose limit falls with speed."""
+    dof, _, moving = state.joint(site)
+    limit = coulomb + excess * np.exp(-((moving / speed) ** 2))
+    return state.on_joint(dof, dry(state, ("stribeck", site), site, limit, limit))
+
+
+def load_dependent(state: State, site, coefficient):
+    """Dry friction whose limit follows the torque that the gear carries."""
+    limit = coefficient * np.abs(motor_force(state, site))
+    return state.on_joint(state.joint(site)[0], dry(state, ("load", site), site, limit, limit))
+
+
+def dahl(state: State, site, friction, displacement):
+    """Exact solution of the bristle over a step of constant speed; its mean over the step acts."""
+    dof, _, speed = state.joint(site)
+    key, turns = ("dahl", site), np.sign(speed)
+    last = state.memory.get(key)
+    last = np.tanh(speed * REMEMBERED / displacement) if last is None else last
+    state.memory[key] = turns + (last - turns) * np.exp(-np.abs(speed) * state.step / displacement)
+    return state.on_joint(dof, -friction * (last + state.memory[key]) / 2)
+
+
+def _amount(name):
+    return lambda scales, model, site: [{name: amounts.SMALL * amounts.force(scales, model, site)}]
+
+
+def _viscous_probes(scales, model, site):
+    return [{"damping": amounts.SMALL * amounts.force(scales, model, site) / amounts.speed(scales, model, site)}]
+
+
+def _direction_probes(scales, model, site):
+    small = amounts.SMALL * amounts.force(scales, model, site)
+    return [{"forward": small, "backward": small / 2}, {"forward": small / 2, "backward": small}]
+
+
+def _stribeck_probes(scales, model, site):
+    small, speed = amounts.SMALL * amounts.force(scales, model, site), amounts.speed(scales, model, site)
+    return [{"coulomb": small, "excess": small, "speed": part * speed} for part in (0.1, 0.3, 0.8)]
+
+
+def _dahl_probes(scales, model, site):
+    small, travel = amounts.SMALL * amounts.force(scales, model, site), amounts.travel(scales, model, site)
+    return [{"friction": small, "displacement": part * travel} for part in (0.03, 0.2)]
+
+
+EFFECTS = (
+    Effect(
+        name="coulomb",
+        family="joint friction",
+        equation="τ = −Fc sign(q̇);  at rest −Fc ≤ τ ≤ Fc",
+        sentence="Dry friction: a constant torque against the motion, which also holds the joint at rest.",
+        reference=MODELS,
+        enters="model",
+        coefficients=(Coefficient("friction", "N m", low=0.0),),
+        sites=sites.joints,
+        probes=_amount("friction"),
+        law=frictionloss,
+        neutral={"friction": 0.0},
+        export=exporting(frictionloss),
+    ),
+    Effect(
+        name="viscous",
+        family="joint friction",
+        equation="τ = −d q̇",
+        sentence="Viscous friction: grease or bearings brake the joint in proportion to its speed.",
+        reference=MODELS,
+        enters="model",
+        coefficients=(Coefficient("damping", "N m s/rad", low=0.0),),
+        sites=sites.joints,
+        probes=_viscous_probes,
+        law=viscous,
+        neutral={"damping": 0.0},
+        export=exporting(viscous),
+    ),
+    Effect(
+        name="direction_dependent_coulomb",
+        family="joint friction",
+        equation="τ = −F₊ where q̇ > 0, +F₋ where q̇ < 0;  at rest −F₊ ≤ τ ≤ F₋",
+        sentence="Dry friction that differs between the two directions, as in preloaded or inclined gears.",
+        reference="Janot, Gautier, Brunot, Data set and reference models of EMPS, 2019",
+        enters="model",
+        coefficients=(Coefficient("forward", "N m", low=0.0), Coefficient("backward", "N m", low=0.0)),
+        sites=sites.driven,
+        probes=_direction_probes,
+        law=direction_dependent,
+        neutral={"forward": 0.0, "backward": 0.0},
+        export=exporting(direction_dependent),
+        contains=("coulomb",),
+    ),
+    Effect(
+        name="stribeck",
+        family="joint friction",
+        equation="τ = −(Fc + ΔF exp(−(q̇/vs)²)) sign(q̇);  at rest |τ| ≤ Fc + ΔF",
+        sentence="Dry friction that is stronger near rest and falls as the joint picks up speed: stick and slip.",
+        reference=MODELS,
+        enters="force",
+        coefficients=(
+            Coefficient("coulomb", "N m", low=0.0),
+            Coefficient("excess", "N m", low=0.0),
+            Coefficient("speed", "rad/s", low=1e-4, shape=True),
+        ),
+        sites=sites.joints,
+        probes=_stribeck_probes,
+        law=stribeck,
+        neutral={"coulomb": 0.0, "excess": 0.0, "speed": 1.0},
+        contains=("coulomb",),
+    ),
+    Effect(
+        name="load_dependent_friction",
+        family="joint friction",
+        equation="τ = −μ |τ_motor| sign(q̇);  at rest |τ| ≤ μ |τ_motor|",
+        sentence="Gear friction that grows with the torque that the gear carries.",
+        reference="Bittencourt, Gunnarsson, J. Dyn. Syst. Meas. Control 134(5), 2012",
+        enters="force",
+        coefficients=(Coefficient("coefficient", "1", low=0.0, high=1.0),),
+        sites=sites.driven,
+        probes=lambda scales, model, site: [{"coefficient": amounts.SMALL}],
+        law=load_dependent,
+        neutral={"coefficient": 0.0},
+    ),
+    Effect(
+        name="dahl",
+        family="joint friction",
+        equation="τ = −Fc z,  dz/dt = (q̇ − |q̇| z) / s",
+        sentence="Pre-sliding: friction bends like a spring over the distance s before it slips.",
+        reference="Dahl, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1, 1968",
+        enters="force",
+        coefficients=(
+            Coefficient("friction", "N m", low=0.0),
+            Coefficient("displacement", "rad", low=1e-6, shape=True),
+        ),
+        sites=sites.joints,
+        probes=_dahl_probes,
+        law=dahl,
+        neutral={"friction": 0.0, "displacement": 1.0},
+        contains=("coulomb",),
+    ),
+)

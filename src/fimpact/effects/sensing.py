@@ -1,0 +1,169 @@
+"""Sensors that tell the truth wrongly: shifted, scaled, late, turned, or on another clock."""
+
+import mujoco
+import numpy as np
+
+from fimpact.effects import amounts, sites
+from fimpact.effects.base import Coefficient, Effect, Signal
+from fimpact.effects.sites import component, measured_by
+from fimpact.effects.structure import quaternion
+
+IMU = "Tedaldi, Pretto, Menegatti, A robust and easy to implement method for IMU calibration, ICRA 2014"
+
+
+def sensor_bias(measured, signal: Signal, site, offset):
+    """A constant is added."""
+    out = np.array(measured, float)
+    out[:, :, measured_by(signal.channels, site)] += offset
+    return out
+
+
+def sensor_scale(measured, signal: Signal, site, change):
+    """The reading is scaled about zero."""
+    out = np.array(measured, float)
+    out[:, :, measured_by(signal.channels, site)] *= 1 + change
+    return out
+
+
+def sensor_delay(measured, signal: Signal, site, delay):
+    """The reading is that of an earlier time."""
+    return _read_at(measured, signal, site, signal.time - delay)
+
+
+def clock_drift(measured, signal: Signal, site, rate):
+    """What the log stamps with t was measured when (1 - rate) t had passed on the clock of the commands."""
+    return _read_at(measured, signal, site, signal.time * (1 - rate))
+
+
+def misalignment(measured, signal: Signal, site, turn_x, turn_y, turn_z):
+    """Readings in the axes of a sensor that is turned; of two components only the turn between them shows."""
+    out, kept = np.array(measured, float), measured_by(signal.channels, site)
+    axes, turn, matrix = (
+        [component(signal.channels[i]) for i in kept],
+        np.array([turn_x, turn_y, turn_z]),
+        np.empty(9),
+    )
+    if len(axes) == 2:
+        turn[axes] = 0
+    mujoco.mju_quat2Mat(matrix, quaternion(turn))
+    out[:, :, kept] = out[:, :, kept] @ matrix.reshape(3, 3)[np.ix_(axes, axes)]
+    return out
+
+
+def _read_at(measured, signal: Signal, site, wanted):
+    out, kept = np.array(measured, float), measured_by(signal.channels, site)
+    if signal.time.shape[1] > 1:
+        period = signal.time[:, 1:2] - signal.time[:, :1]
+        out[:, :, kept] = interpolate(out[:, :, kept], (wanted - signal.time[:, :1]) / period)
+    return out
+
+
+def interpolate(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Values, (n, T, k), of `samples` (n, T, k) at fractional indices `place` (n, T).
+
+    By cubics through four neighbours inside, by straight lines from the last two samples outside.
+    """
+    rows, last = np.arange(len(samples))[:, None], samples.shape[1] - 1
+    ends = 2 * samples[:, :1] - samples[:, 1:2], 2 * samples[:, -1:] - samples[:, -2:-1]
+    padded = np.concatenate([ends[0], samples, ends[1]], axis=1)
+    index = np.clip(np.floor(place).astype(int), 0, last - 1)
+    part, beyond = np.clip(place - index, 0, 1), place - np.clip(place, 0, last)
+    weights = (
+        -part * (part - 1) * (part - 2) / 6,
+        (part + 1) * (part - 1) * (part - 2) / 2,
+        -(part + 1) * part * (part - 2) / 2,
+        (part + 1) * part * (part - 1) / 6,
+    )
+    inside = sum(weight[..., None] * padded[rows, index + k] for k, weight in enumerate(weights))
+    return inside + beyond[..., None] * (samples[rows, index + 1] - samples[rows, index])
+
+
+def _export_misalignment(spec, site, turn_x, turn_y, turn_z):
+    """A turned copy of the sensor's MJCF site, because other sensors may share the site."""
+    sensor = spec.sensor(site)
+    old, name = spec.site(sensor.objname), f"{sensor.objname}_{site}_turned"
+    model = spec.compile()
+    turned, row = np.empty(4), model.site(sensor.objname)
+    mujoco.mju_mulQuat(turned, row.quat, quaternion(np.array([turn_x, turn_y, turn_z])))
+    old.parent.add_site(name=name, pos=row.pos, quat=turned)
+    sensor.objname = name
+
+
+def _size(scales) -> float:
+    """A typical standard deviation of the channels: the laws are exactly linear, so only its order counts."""
+    return max(float(np.median(scales.measured)), amounts.FLOOR)
+
+
+def _turn_probes(scales, model, site):
+    still = {"turn_x": 0.0, "turn_y": 0.0, "turn_z": 0.0}
+    return [still | {axis: amounts.SMALL} for axis in still]
+
+
+EFFECTS = (
+    Effect(
+        name="sensor_bias",
+        family="sensing",
+        equation="y' = y + b",
+        sentence="The sensor shows something where it should show zero.",
+        reference=IMU,
+        enters="measurement",
+        coefficients=(Coefficient("offset", "of the channel"),),
+        sites=sites.columns,
+        probes=lambda scales, model, site: [{"offset": amounts.SMALL * _size(scales)}],
+        law=sensor_bias,
+        neutral={"offset": 0.0},
+    ),
+    Effect(
+        name="sensor_scale",
+        family="sensing",
+        equation="y' = (1 + s) y",
+        sentence="The sensor's calibration is off by a percentage.",
+        reference=IMU,
+        enters="measurement",
+        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
+        sites=sites.scalable,
+        probes=lambda scales, model, site: [{"change": amounts.SMALL}],
+        law=sensor_scale,
+        neutral={"change": 0.0},
+    ),
+    Effect(
+        name="sensor_delay",
+        family="sensing",
+        equation="y'(t) = y(t − δ)",
+        sentence="Readings arrive late: filters, buses and time stamps taken on arrival.",
+        reference="Åström, Wittenmark, Computer-Controlled Systems, 1997, ch. 3",
+        enters="measurement",
+        coefficients=(Coefficient("delay", "s", low=0.0, high=1.0),),
+        sites=sites.sensors,
+        probes=lambda scales, model, site: [{"delay": 0.2 * scales.period}],
+        law=sensor_delay,
+        neutral={"delay": 0.0},
+    ),
+    Effect(
+        name="misalignment",
+        family="sensing",
+        equation="y' = R(turn)ᵀ y",
+        sentence="The sensor is mounted at an angle, so that each axis reads a little of the others.",
+        reference=IMU,
+        enters="measurement",
+        coefficients=tuple(Coefficient(f"turn_{axis}", "rad", low=-1.6, high=1.6) for axis in "xyz"),
+        sites=sites.turnable,
+        probes=_turn_probes,
+        law=misalignment,
+        neutral={"turn_x": 0.0, "turn_y": 0.0, "turn_z": 0.0},
+        export=_export_misalignment,
+    ),
+    Effect(
+        name="clock_drift",
+        family="sensing",
+        equation="y'(t) = y((1 − r) t)",
+        sentence="The logger's clock runs faster (or, r < 0, slower) than the controller's, so the two drift apart.",
+        reference="Moon, Skelly, Towsley, Estimation and removal of clock skew, INFOCOM 1999",
+        enters="measurement",
+        coefficients=(Coefficient("rate", "s/s", low=-0.05, high=0.05),),
+        sites=sites.everything,
+        probes=lambda scales, model, site: [{"rate": 0.2 * scales.period / scales.duration}],
+        law=clock_drift,
+        neutral={"rate": 0.0},
+    ),
+)

@@ -1,0 +1,179 @@
+"""Where an effect can sit: joints, actuators, bodies, contacts, channels. What has no name is skipped."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+ALL, WORLD = "all", "world"
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+ROUND = (int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
+MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
+PROPORTIONAL = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
+AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
+
+
+def joints(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Hinge and slide joints, apart from those that only describe how a body flies."""
+    kinds = (HINGE, SLIDE)
+    return [
+        j.name for j in map(model.joint, range(model.njnt)) if j.name and j.type[0] in kinds and not _flies(model, j)
+    ]
+
+
+def hinges(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Hinge joints among `joints`."""
+    return [name for name in joints(model) if model.joint(name).type[0] == HINGE]
+
+
+def driven(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Joints that an actuator of `actuators` drives."""
+    return [name for name in joints(model) if drives(model, name)]
+
+
+def encoded(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
+    """Driven joints whose position is measured."""
+    shown = {_encoder(model, channel) for channel in channels}
+    return [name for name in driven(model) if name in shown]
+
+
+def actuators(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Actuators whose force is an affine function of the command, length and velocity."""
+    return [model.actuator(i).name for i in range(model.nu) if model.actuator(i).name and _affine(model, i)]
+
+
+def commands(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Every actuator, and "all" of them where there are several."""
+    names = [model.actuator(i).name for i in range(model.nu)]
+    return [name for name in names if name] + [ALL] * (len(names) > 1)
+
+
+def prompt(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Actuators without dynamics of their own."""
+    dynamic = int(mujoco.mjtDyn.mjDYN_NONE)
+    return [name for name in actuators(model) if model.actuator(name).dyntype[0] == dynamic]
+
+
+def bodies(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Moving bodies with mass."""
+    moving = (model.body_weldid != 0) & (model.body_mass > 0)
+    return [model.body(i).name for i in np.flatnonzero(moving) if model.body(i).name]
+
+
+def grounds(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Geoms fixed to the world that something moving can touch; meshes, whose frame MuJoCo moves, are left out."""
+    fixed = np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & (model.geom_type != MESH))
+    return [model.geom(i).name for i in fixed if model.geom(i).name and (pairs_of(model, i) or partners(model, i))]
+
+
+def contacts(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Contact pairs, and the grounds that stand for several pairs or for contacts that no pair lists."""
+    named = [model.pair(i).name for i in range(model.npair)]
+    ids = {name: model.geom(name).id for name in grounds(model)}
+    many = [name for name, i in ids.items() if len(pairs_of(model, i)) > 1 or partners(model, i)]
+    return [name for name in named if name] + [name for name in many if name not in named]
+
+
+def rounded(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Moving bodies that touch something with spheres or capsules."""
+    return [name for name in bodies(model) if round_geoms(model, model.body(name).id)]
+
+
+def columns(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
+    """Channels, apart from components of a quaternion, which have no bias or scale of their own."""
+    quaternion = int(mujoco.mjtDataType.mjDATATYPE_QUATERNION)
+    return [name for name in channels if model.sensor(base(name)).datatype[0] != quaternion]
+
+
+def scalable(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
+    """Channels, and the sensors of which several components are measured."""
+    kept = columns(model, channels)
+    names = [base(name) for name in kept]
+    return kept + [name for name in dict.fromkeys(names) if names.count(name) > 1]
+
+
+def sensors(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
+    """Sensors by name, and "all" where there are several."""
+    names = list(dict.fromkeys(map(base, channels)))
+    return names + [ALL] * (len(names) > 1)
+
+
+def everything(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
+    """All channels together."""
+    return [ALL] if len(channels) else []
+
+
+def turnable(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
+    """Sensors of three components on an MJCF site, of which at least two are measured."""
+    names = list(map(base, channels))
+    on_site = int(mujoco.mjtObj.mjOBJ_SITE)
+    fits = {n: model.sensor(n).dim[0] == 3 and model.sensor(n).objtype[0] == on_site for n in names}
+    return [name for name in dict.fromkeys(names) if fits[name] and names.count(name) > 1]
+
+
+def world(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """The world as a whole, if anything in it moves."""
+    return [WORLD] if model.nv else []
+
+
+def heavy(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """The world as a whole, if it has gravity."""
+    return [WORLD] if model.nv and np.any(model.opt.gravity) else []
+
+
+def base(channel: str) -> str:
+    """Name of the sensor that `channel` is, or is a component of."""
+    return channel.partition("[")[0]
+
+
+def component(channel: str) -> int:
+    """Which component of its sensor `channel` is."""
+    return int(channel.removesuffix("]").partition("[")[2] or 0)
+
+
+def measured_by(channels: Sequence[str], site: str) -> list[int]:
+    """Columns of a channel, of every component of a sensor, or of "all"."""
+    return [i for i, name in enumerate(channels) if site in (ALL, name, base(name))]
+
+
+def drives(model: mujoco.MjModel, joint: str) -> list[int]:
+    """Actuators of `actuators` on `joint`."""
+    target = (model.actuator_trntype == ON_JOINT) & (model.actuator_trnid[:, 0] == model.joint(joint).id)
+    return [int(i) for i in np.flatnonzero(target) if _affine(model, i)]
+
+
+def pairs_of(model: mujoco.MjModel, geom: int) -> list[int]:
+    """Explicit contact pairs that contain `geom`."""
+    return np.flatnonzero((model.pair_geom1 == geom) | (model.pair_geom2 == geom)).tolist()
+
+
+def partners(model: mujoco.MjModel, geom: int) -> list[int]:
+    """Geoms on other bodies that touch `geom` without an explicit pair, one of the two moving."""
+    meets = (model.geom_contype & model.geom_conaffinity[geom]) | (model.geom_conaffinity & model.geom_contype[geom])
+    weld = model.body_weldid[model.geom_bodyid]
+    return np.flatnonzero((meets != 0) & (weld != weld[geom])).tolist()
+
+
+def round_geoms(model: mujoco.MjModel, body: int) -> list[int]:
+    """Spheres and capsules of `body` that can touch something."""
+    own = np.flatnonzero((model.geom_bodyid == body) & np.isin(model.geom_type, ROUND))
+    return [int(i) for i in own if pairs_of(model, i) or partners(model, i)]
+
+
+def _flies(model, joint) -> bool:
+    """Two undriven slides on one body are coordinates of a flight, not guides with friction."""
+    body = model.joint(joint.id).bodyid[0]
+    own = np.flatnonzero(model.jnt_bodyid == body)
+    pushed = np.isin(own, model.actuator_trnid[model.actuator_trntype == ON_JOINT, 0])
+    return np.count_nonzero(model.jnt_type[own] == SLIDE) > 1 and not pushed.any()
+
+
+def _affine(model, actuator: int) -> bool:
+    return model.actuator_gaintype[actuator] in PROPORTIONAL and model.actuator_biastype[actuator] in AFFINE
+
+
+def _encoder(model, channel: str) -> str:
+    sensor = model.sensor(base(channel))
+    known = sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS
+    return model.joint(sensor.objid[0]).name if known else ""

@@ -1,0 +1,270 @@
+"""Masses, springs and cables that the model does not know, and the way the whole stands."""
+
+import mujoco
+import numpy as np
+
+from fimpact.effects import amounts, sites
+from fimpact.effects.base import Coefficient, Effect, State
+from fimpact.effects.native import exporting
+
+INERTIAL = "Atkeson, An, Hollerbach, Int. J. Robotics Research 5(3), 1986"
+DOWN = np.array([0.0, 0.0, -9.81])  # m/s^2, for a model without gravity: a mechanism that lies in a horizontal plane
+ALONG = 0.7  # cosine above which an axis counts as parallel
+
+
+def payload(model, site, mass, place):
+    """A point mass joined to the body: parallel axes, then the principal axes of the sum."""
+    if mass == 0:
+        return
+    body = model.body(site).id
+    own, centre = model.body_mass[body], model.body_ipos[body].copy()
+    total, spot = own + mass, place * _outward(model, body)
+    between = spot - centre
+    inertia = _full_inertia(model, body) + own * mass / total * (
+        between @ between * np.eye(3) - np.outer(between, between)
+    )
+    model.body_mass[body], model.body_ipos[body] = total, centre + mass / total * between
+    _set_inertia(model, body, inertia)
+
+
+def com_shift(model, site, x, y, z):
+    """The inertial frame moves in the body's axes."""
+    model.body_ipos[model.body(site).id] += x, y, z
+
+
+def inertia(model, site, change):
+    """All three principal moments are scaled."""
+    model.body_inertia[model.body(site).id] *= 1 + change
+
+
+def spring(model, site, stiffness, rest):
+    """Beside the joint's own spring: both together are one, at a rest position between."""
+    joint = model.joint(site)
+    own, place = model.jnt_stiffness[joint.id], joint.qposadr[0]
+    total = own + stiffness
+    if stiffness:
+        model.qpos_spring[place] = (own * model.qpos_spring[place] + stiffness * rest) / total
+        model.jnt_stiffness[joint.id] = total
+
+
+def hardening_spring(model, site, cubic):
+    """MuJoCo's third-order stiffness."""
+    model.jnt_stiffnesspoly[model.joint(site).id, 1] += cubic
+
+
+def cable_pull(state: State, site, stiffness, anchor_x, anchor_y, anchor_z):
+    """A tendon of no length between a point of the world and the body's centre of mass."""
+    position, _, jacobian = state.body(site)
+    return np.einsum("nij,ni->nj", jacobian, -stiffness * (position - [anchor_x, anchor_y, anchor_z]))
+
+
+def gravity_tilt(model, site, tilt_x, tilt_y, tilt_z):
+    """Gravity turns by a rotation vector in world axes; the turned minus the upright one is added."""
+    upright = model.opt.gravity.copy() if np.any(model.opt.gravity) else DOWN
+    model.opt.gravity += turned(upright, np.array([tilt_x, tilt_y, tilt_z])) - upright
+
+
+def turned(vector: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """`vector` (3,) rotated by the rotation vector `rotation` (3,), rad."""
+    out = np.empty(3)
+    mujoco.mju_rotVecQuat(out, vector, quaternion(rotation))
+    return out
+
+
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """Unit quaternion, (4,), of the rotation vector `rotation` (3,), rad."""
+    out = np.array([1.0, 0.0, 0.0, 0.0])
+    mujoco.mju_quatIntegrate(out, np.asarray(rotation, float), 1.0)
+    return out
+
+
+def _outward(model, body: int) -> np.ndarray:
+    centre = model.body_ipos[body]
+    far = np.linalg.norm(centre)
+    return centre / far if far > 1e-6 else np.array([1.0, 0.0, 0.0])
+
+
+def _full_inertia(model, body: int) -> np.ndarray:
+    axes = np.empty(9)
+    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
+    axes = axes.reshape(3, 3)
+    return axes * model.body_inertia[body] @ axes.T
+
+
+def _set_inertia(model, body: int, full: np.ndarray) -> None:
+    moments, axes = np.linalg.eigh(full)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    # MuJoCo lists principal moments from large to small; reversing the axes would mirror them, so turn one round.
+    moments, axes = moments[::-1], axes[:, ::-1] * [1, -1, 1]
+    model.body_inertia[body] = moments
+    mujoco.mju_mat2Quat(model.body_iquat[body], axes.flatten())
+
+
+def _export_cable(spec, site, stiffness, anchor_x, anchor_y, anchor_z):
+    body, name = spec.body(site), _free_name(spec, f"cable_{site}")
+    centre = spec.compile().body_ipos[body.id]
+    spec.worldbody.add_site(name=f"{name}_post", pos=[anchor_x, anchor_y, anchor_z])
+    body.add_site(name=f"{name}_end", pos=centre)
+    tendon = spec.add_tendon(name=name, stiffness=[stiffness, 0, 0], springlength=[0, 0])
+    tendon.wrap_site(f"{name}_post")
+    tendon.wrap_site(f"{name}_end")
+
+
+def _free_name(spec, name: str) -> str:
+    taken = {tendon.name for tendon in spec.tendons}
+    return next(n for n in (name, *(f"{name}_{i}" for i in range(len(taken)))) if n not in taken)
+
+
+def _reference(model, body: str) -> tuple[np.ndarray, np.ndarray]:
+    """Centre of mass, (3,), and axes, (3, 3), of a body in the reference configuration."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    row = data.body(body)
+    return row.xipos, row.xmat.reshape(3, 3)
+
+
+def _payload_probes(scales, model, site):
+    centre = np.linalg.norm(model.body(site).ipos)
+    far = 2 * float(centre) if centre > 1e-6 else scales.length / 4
+    return [{"mass": amounts.SMALL * scales.mass, "place": place} for place in (far / 2, far)]
+
+
+def _com_probes(scales, model, site):
+    still = dict.fromkeys("xyz", 0.0)
+    moving = amounts.directions(model, _reference(model, site)[1])
+    return [still | {"xyz"[axis]: amounts.SMALL / 2 * scales.length} for axis in moving]
+
+
+def _spring_probes(scales, model, site):
+    travel = amounts.travel(scales, model, site)
+    stiffness = amounts.SMALL * amounts.force(scales, model, site) / travel
+    middle = float(model.qpos0[model.joint(site).qposadr[0]])
+    return [{"stiffness": stiffness, "rest": middle + side * travel} for side in (-1, 1)]
+
+
+def _hardening_probes(scales, model, site):
+    return [{"cubic": amounts.SMALL * amounts.force(scales, model, site) / amounts.travel(scales, model, site) ** 3}]
+
+
+def _cable_probes(scales, model, site):
+    stiffness, centre = amounts.SMALL * amounts.push(scales, model) / scales.length, _reference(model, site)[0]
+    ways = [side * np.eye(3)[axis] for axis in amounts.directions(model) for side in (-1, 1)]
+    anchors = [centre + scales.length * way for way in ways]
+    names = ("anchor_x", "anchor_y", "anchor_z")
+    return [{"stiffness": stiffness, **dict(zip(names, map(float, anchor), strict=True))} for anchor in anchors]
+
+
+def _tilt_probes(scales, model, site):
+    down = model.opt.gravity / np.linalg.norm(model.opt.gravity) if np.any(model.opt.gravity) else DOWN / 9.81
+    axes, across = [axis for axis in range(3) if abs(down[axis]) < ALONG], amounts.normal(model)
+    if across is not None and abs(across @ down) < ALONG:
+        axes = [int(np.argmax(np.abs(across)))]
+    still = {"tilt_x": 0.0, "tilt_y": 0.0, "tilt_z": 0.0}
+    return [still | {f"tilt_{'xyz'[axis]}": amounts.SMALL / 2} for axis in axes]
+
+
+EFFECTS = (
+    Effect(
+        name="payload",
+        family="structure",
+        equation="m' = m + Δm, a point mass at distance r from the body's origin towards its centre of mass",
+        sentence="The link carries a mass that the model does not have: a tool, a battery, a cable loom.",
+        reference=INERTIAL,
+        enters="model",
+        coefficients=(Coefficient("mass", "kg", low=0.0), Coefficient("place", "m", shape=True)),
+        sites=sites.bodies,
+        probes=_payload_probes,
+        law=payload,
+        neutral={"mass": 0.0, "place": 0.0},
+        export=exporting(payload),
+    ),
+    Effect(
+        name="com_shift",
+        family="structure",
+        equation="c' = c + (x, y, z), in the body's frame",
+        sentence="The body's centre of mass is not where the drawing puts it.",
+        reference=INERTIAL,
+        enters="model",
+        coefficients=(Coefficient("x", "m"), Coefficient("y", "m"), Coefficient("z", "m")),
+        sites=sites.bodies,
+        probes=_com_probes,
+        law=com_shift,
+        neutral={"x": 0.0, "y": 0.0, "z": 0.0},
+        export=exporting(com_shift),
+    ),
+    Effect(
+        name="inertia",
+        family="structure",
+        equation="I' = (1 + ε) I, about the centre of mass",
+        sentence="The body is harder or easier to spin than its mass suggests: its mass is spread differently.",
+        reference=INERTIAL,
+        enters="model",
+        coefficients=(Coefficient("change", "1", low=-0.95, high=100.0),),
+        sites=sites.bodies,
+        probes=lambda scales, model, site: [{"change": amounts.SMALL}],
+        law=inertia,
+        neutral={"change": 0.0},
+        export=exporting(inertia),
+    ),
+    Effect(
+        name="spring",
+        family="structure",
+        equation="τ = −k (q − q₀)",
+        sentence="Something elastic pulls the joint to a rest position: a hose, a cable loop, a balance spring.",
+        reference="Siciliano, Khatib (eds.), Springer Handbook of Robotics, 2016, ch. 6",
+        enters="model",
+        coefficients=(Coefficient("stiffness", "N m/rad", low=0.0), Coefficient("rest", "rad", shape=True)),
+        sites=sites.joints,
+        probes=_spring_probes,
+        law=spring,
+        neutral={"stiffness": 0.0, "rest": 0.0},
+        export=exporting(spring),
+    ),
+    Effect(
+        name="hardening_spring",
+        family="structure",
+        equation="τ = −k₃ (q − q_rest)³, with the joint's own rest position",
+        sentence="A spring that stiffens as it is stretched, as hoses and rubber do.",
+        reference="Kovacic, Brennan, The Duffing Equation, Wiley 2011",
+        enters="model",
+        coefficients=(Coefficient("cubic", "N m/rad³", low=0.0),),
+        sites=sites.joints,
+        probes=_hardening_probes,
+        law=hardening_spring,
+        neutral={"cubic": 0.0},
+        export=exporting(hardening_spring),
+    ),
+    Effect(
+        name="cable_pull",
+        family="structure",
+        equation="F = −k (x − a) at the body's centre of mass x, a fixed in the world",
+        sentence="An elastic cable or hose from a fixed point pulls at the link.",
+        reference="MuJoCo documentation, XML reference, tendon/spatial",
+        enters="force",
+        coefficients=(
+            Coefficient("stiffness", "N/m", low=0.0),
+            Coefficient("anchor_x", "m", shape=True),
+            Coefficient("anchor_y", "m", shape=True),
+            Coefficient("anchor_z", "m", shape=True),
+        ),
+        sites=sites.bodies,
+        probes=_cable_probes,
+        law=cable_pull,
+        neutral={"stiffness": 0.0, "anchor_x": 0.0, "anchor_y": 0.0, "anchor_z": 0.0},
+        export=_export_cable,
+    ),
+    Effect(
+        name="gravity_tilt",
+        family="structure",
+        equation="g' = g + (R(tilt) − 1) g₀,  g₀ = g, or 9.81 m/s² along −z where the model has none",
+        sentence="The base does not stand level, so gravity comes from a slightly different direction.",
+        reference="Siciliano, Khatib (eds.), Springer Handbook of Robotics, 2016, ch. 6",
+        enters="model",
+        coefficients=tuple(Coefficient(f"tilt_{axis}", "rad", low=-1.6, high=1.6) for axis in "xyz"),
+        sites=sites.world,
+        probes=_tilt_probes,
+        law=gravity_tilt,
+        neutral={"tilt_x": 0.0, "tilt_y": 0.0, "tilt_z": 0.0},
+        export=exporting(gravity_tilt),
+    ),
+)
