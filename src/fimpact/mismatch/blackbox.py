@@ -1,0 +1,78 @@
+"""The residual without a name: a smooth force of state and command, learned from what is unexplained.
+
+Kernel ridge regression with random Fourier features (Rahimi & Recht 2007), a Gaussian process in all but name. It is
+what others would add to a model that fails; here it is the yardstick for a named effect, which must predict runs of
+another regime at least as well and say why.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fimpact.effects.base import Effect, Placed, State
+from fimpact.mismatch.locate import Location
+from fimpact.mismatch.simulate import Simulator, Windows
+
+FEATURES = 200
+WIDTHS = (1.0, 2.0, 4.0)  # of the kernel, in standard deviations of the inputs
+RIDGES = (1e-3, 1e-1, 1e1, 1e3)
+FOLDS = 5
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Weights (FEATURES, nv) on cos(x W + b) of standardised inputs x = (qpos, qvel, ctrl)."""
+
+    mean: np.ndarray
+    spread: np.ndarray
+    directions: np.ndarray
+    phases: np.ndarray
+    weights: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def features(self, inputs: np.ndarray) -> np.ndarray:
+        """(n, FEATURES); inputs are held within what was seen, because a kernel knows nothing beyond."""
+        scaled = np.clip((inputs - self.mean) / self.spread, -3.0, 3.0)
+        return np.cos(scaled @ self.directions + self.phases) * np.sqrt(2 / FEATURES)
+
+    def force(self, state: State, site: str) -> np.ndarray:
+        """Generalised force, (n, nv)."""
+        return self.features(np.concatenate([state.qpos, state.qvel, state.ctrl], 1)) @ self.weights
+
+
+def black_box(simulator: Simulator, windows: Windows, location: Location) -> Placed:
+    """The residual force of `location` as a function of state and command, ready to be simulated with."""
+    index = np.round(location.time / simulator.recording.period).astype(int)
+    ctrl = windows.ctrl[windows.runs[:, None], np.minimum(index, windows.ctrl.shape[1] - 1)]
+    parts = [location.qpos, location.qvel, ctrl]
+    inputs = np.concatenate([part.reshape(-1, part.shape[2]) for part in parts], 1)
+    target = location.force.reshape(-1, location.force.shape[2])
+    groups = np.repeat(np.arange(len(windows.runs)) % FOLDS, location.time.shape[1])
+    best = min((_left_out(inputs, target, groups, width, ridge), width, ridge) for width in WIDTHS for ridge in RIDGES)
+    learned = _learn(inputs, target, *best[1:])
+    effect = Effect(
+        "black_box", "residual", "", "", "", "force", (), lambda m, c: [], lambda s, m, k: [], learned.force, {}
+    )
+    return Placed(effect, "all", {})
+
+
+def _learn(inputs, target, width: float, ridge: float) -> Regression:
+    rng = np.random.default_rng(0)
+    size = inputs.shape[1]
+    blank = Regression(
+        inputs.mean(0),
+        np.maximum(inputs.std(0), 1e-9),
+        rng.standard_normal((size, FEATURES)) / width / np.sqrt(size),
+        rng.uniform(0, 2 * np.pi, FEATURES),
+    )
+    features = blank.features(inputs)
+    weights = np.linalg.solve(features.T @ features + ridge * np.eye(FEATURES), features.T @ target)
+    return Regression(blank.mean, blank.spread, blank.directions, blank.phases, weights)
+
+
+def _left_out(inputs, target, groups, width: float, ridge: float) -> float:
+    scale, error = np.maximum(target.std(0), 1e-300), 0.0
+    for fold in range(FOLDS):
+        out = groups == fold
+        learned = _learn(inputs[~out], target[~out], width, ridge)
+        error += float((((learned.features(inputs[out]) @ learned.weights - target[out]) / scale) ** 2).sum())
+    return error

@@ -1,0 +1,84 @@
+"""What the largest of many scores would be if nothing were missing.
+
+Sensor noise is white and known; what disturbs a robot is neither. Both reach the measurements through the mechanism,
+so a score is judged against the rest of what forces can explain of the residual, not against the sensors alone: a
+candidate must stand out among all forces. Its p is adjusted for all candidates together by drawing their scores jointly
+(max-T; Westfall & Young 1993), because most of them imitate one another.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.pulses import Pulses
+
+DRAWS = 4000
+USED = 1e-6  # of the largest singular value; below it a force changes nothing
+
+
+@dataclass(frozen=True)
+class Background:
+    """What forces of any kind explain of a residual: their energy (sum of squares) and degrees of freedom."""
+
+    energy: float
+    freedom: int
+
+    def scale(self, taken: np.ndarray | float, count: int = 1) -> np.ndarray:
+        """Variance of a score, at least 1, once `taken` of the energy is put down to `count` candidates."""
+        rest = np.maximum(self.energy - taken, 0.0) / max(self.freedom - count, 1)
+        return np.maximum(rest, 1.0)
+
+
+def background(fitted: Fit, found: Pulses) -> Background:
+    """Energy of the residual of `fitted` in the space that the pulses span."""
+    free = fitted.linear.off(found.columns)
+    basis, values, _ = np.linalg.svd(free / np.maximum(np.abs(free).max((0, 1)), 1e-300), full_matrices=False)
+    used = values > USED * values.max()
+    along = np.einsum("wmb,wm->wb", basis, fitted.linear.off(fitted.point.residual)) * used
+    return Background(float((along**2).sum()), int(used.sum()) - fitted.linear.raw.shape[2])
+
+
+def adjusted(
+    z: np.ndarray, columns: np.ndarray, two_sided: np.ndarray, behind: Background, seed: int = 0
+) -> np.ndarray:
+    """p of each candidate, (c,), adjusted for all of them.
+
+    Args:
+        z: scores in standard deviations of the sensors' noise, (c,). columns: their projected sensitivities, (m, c).
+        two_sided: whether a negative score counts as well, (c,).
+    """
+    t = z / np.sqrt(behind.scale(z**2))
+    drawn = _joint_draws(columns, seed)
+    largest = np.where(two_sided, np.abs(drawn), drawn).max(1)
+    return _p(np.where(two_sided, np.abs(t), t), largest)
+
+
+def adjusted_groups(groups: list[np.ndarray], residual: np.ndarray, behind: Background, seed: int = 0) -> np.ndarray:
+    """p of each group of projected sensitivities, (m, c) each, tested together against `residual`, (m,)."""
+    bases = [np.linalg.svd(group, full_matrices=False)[0] for group in groups]
+    size = np.array([basis.shape[1] for basis in bases])
+    energy = np.array([((residual @ basis) ** 2).sum() for basis in bases])
+    observed = energy / np.array([behind.scale(e, n) for e, n in zip(energy, size, strict=True)])
+    drawn = _joint_draws(np.concatenate(bases, 1), seed) ** 2
+    edges = np.append(0, np.cumsum(size))
+    sums = np.stack([drawn[:, a:b].sum(1) for a, b in pairwise(edges)], 1)
+    return _p(_root(observed, size), _root(sums, size).max(1))
+
+
+def _root(squares: np.ndarray, size: np.ndarray) -> np.ndarray:
+    # Fisher's: a chi-square of any size on one scale.
+    return np.sqrt(2 * squares) - np.sqrt(2 * size - 1)
+
+
+def _joint_draws(columns: np.ndarray, seed: int) -> np.ndarray:
+    """Scores of noise, (DRAWS, c), correlated as the columns are."""
+    unit = columns / np.sqrt((columns**2).sum(0))
+    values, vectors = np.linalg.eigh(unit.T @ unit)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.random.default_rng(seed).standard_normal((DRAWS, len(values))) @ root.T
+
+
+def _p(observed: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    return (1 + (largest[:, None] >= observed - 1e-12).sum(0)) / (1 + DRAWS)

@@ -1,0 +1,143 @@
+"""All stages in their order: from a recording to a diagnosis that can be written down."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from fimpact.effects import EFFECTS
+from fimpact.mismatch.evidence import Evidence, weigh_evidence
+from fimpact.mismatch.judge import Bench, bench, squares
+from fimpact.mismatch.locate import Location, locate
+from fimpact.mismatch.name import Naming, Step, name
+from fimpact.recordings import FIELDS, Recording
+
+SCHEMA = 1
+Z95 = 1.959964
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What every stage found; `verdict` says it in one sentence."""
+
+    recording: Recording
+    bench: Bench
+    naming: Naming
+    location: Location
+    evidence: Evidence
+    verdict: str
+
+    @property
+    def answer(self) -> str:
+        """``effect@site`` joined by +, "none" or "unnamed"."""
+        return self.naming.answer
+
+
+def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line: None) -> Diagnosis:
+    """Fit, locate, name and judge.
+
+    Args:
+        progress: receives one line at the start of each piece of work.
+    """
+    made = bench(recording)
+    progress("fitting the model as it is")
+    naming = name(made, list(EFFECTS.values()), progress)
+    progress("locating what it leaves unexplained")
+    location = locate(made.training, naming.naive.fitted, naming.pulses)
+    evidence = weigh_evidence(made, naming.naive, naming.best)
+    return Diagnosis(recording, made, naming, location, evidence, _verdict(naming, recording, location, evidence))
+
+
+def _verdict(naming: Naming, recording: Recording, location: Location, evidence: Evidence) -> str:
+    if naming.answer == "none":
+        return "Nothing is missing that these recordings can show."
+    if naming.answer == "unnamed":
+        return f"Something is missing that the catalogue cannot name: {location.sentence}."
+    found = "; ".join(in_words(naming, recording, p) for p in naming.best.placed)
+    others = [m.name for m in naming.members[1:]]
+    unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
+    share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
+    return f"Missing: {found}. {share}{unsure}"
+
+
+def in_words(naming: Naming, recording: Recording, placed) -> str:
+    """An effect with values, 95 % intervals and units: ``coulomb at joint_2 (friction 0.0020 ± 0.0001 N m)``."""
+    rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name]
+    values = ", ".join(
+        f"{r['name']} {r['after']:.3g} ± {(r['high'] - r['low']) / 2:.1g} {r['unit']}".strip() for r in rows
+    )
+    return f"{placed.effect.name.replace('_', ' ')} at {placed.site} ({values})"
+
+
+def parameter_rows(naming: Naming, recording: Recording) -> list[dict[str, Any]]:
+    """One row per fitted number: name, of (the unknown or ``effect@site``), unit, before (the naive model's own
+    value, None for an effect), naive (its fit without the effect), after, and its 95 % interval low, high, widened by
+    the dispersion of the residual."""
+    fitted, naive = naming.best.fitted, naming.naive.fitted
+    after = fitted.coordinates.read(fitted.point.hypothesis)
+    error = Z95 * np.sqrt(np.diag(fitted.covariance) * naming.dispersion)
+    unknowns = recording.unknowns
+    own, alone = naive.coordinates.mean, naive.coordinates.read(naive.point.hypothesis)
+    labels = [
+        (u.field, u.name, FIELDS[u.field][0], float(b), float(n)) for u, b, n in zip(unknowns, own, alone, strict=True)
+    ]
+    for index, coefficient in fitted.coordinates.values:
+        placed = naming.best.placed[index]
+        unit = next(c.unit for c in placed.effect.coefficients if c.name == coefficient)
+        labels.append((coefficient, placed.name, unit, None, None))
+    keys = ("name", "of", "unit", "before", "naive", "after", "low", "high")
+    rows = zip(labels, after, after - error, after + error, strict=True)
+    return [dict(zip(keys, (*label, float(v), float(lo), float(hi)), strict=True)) for label, v, lo, hi in rows]
+
+
+def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Everything a report shows, in plain types; the same diagnosis gives the same bytes."""
+    naming, location, evidence = diagnosis.naming, diagnosis.location, diagnosis.evidence
+    return {
+        "schema": SCHEMA,
+        "verdict": diagnosis.verdict,
+        "answer": naming.answer,
+        "answer_set": naming.answer_set,
+        "confidence": naming.confidence,
+        "p": naming.p,
+        "left": naming.left,
+        "nameless": naming.nameless,
+        "dispersion": naming.dispersion,
+        "location": {
+            "sentence": location.sentence,
+            "places": [asdict(place) for place in location.places],
+            "modes": location.modes,
+            "states": location.states,
+        },
+        "steps": [_step(step) for step in naming.steps],
+        "parameters": parameter_rows(naming, diagnosis.recording),
+        "evidence": {**asdict(evidence), "white": evidence.white},
+    }
+
+
+def _step(step: Step) -> dict[str, Any]:
+    screened = [
+        {
+            "name": c.placed.name,
+            "values": c.placed.values,
+            "strength": c.strength,
+            "z": c.z,
+            "p": float(p),
+            "concealment": c.concealment,
+            "hidden": c.hidden,
+        }
+        for c, p in zip(step.screened, step.p, strict=True)
+    ]
+    refitted = [
+        {
+            "name": r.name,
+            "weight": r.weight,
+            "deviance": r.deviance,
+            "converged": r.fitted.converged,
+            "held_out": float(squares(r.judged).sum()),
+            "values": {p.name: p.values for p in r.placed},
+        }
+        for r in step.rivals
+    ]
+    return {"screened": screened, "refitted": refitted}

@@ -1,0 +1,109 @@
+"""Evidence: what an explanation is worth on runs that it has never seen.
+
+Errors are root mean squares in standard deviations of the noise, initial states profiled alike for every model, so
+that 1 is as good as anything can be. Whole runs are held out, never windows of a training run.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.judge import Bench, freedom, squares
+from fimpact.mismatch.name import Explanation
+
+RESAMPLES = 2000
+LAGS = 5  # samples over which a residual must not remember itself
+WHITE = 0.1  # autocorrelation up to which intervals are stated as they are
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Held-out error before and after, the noise floor, the improvement (1 - after / before) with a 95 % interval
+    over resampled runs, the share of the explainable mismatch explained, residual autocorrelation before and after,
+    and errors by run and by channel (in the channel's unit)."""
+
+    before: float
+    after: float
+    noise_floor: float
+    improvement: float
+    low: float
+    high: float
+    explained: float
+    memory_before: float
+    memory_after: float
+    by_run: dict[str, tuple[float, float]]
+    by_channel: dict[str, tuple[float, float]]
+
+    @property
+    def white(self) -> bool:
+        """Whether what is left looks like noise."""
+        return abs(self.memory_after) < WHITE
+
+
+def weigh_evidence(bench: Bench, naive: Explanation, best: Explanation) -> Evidence:
+    """Compare two explanations on the held-out windows of `bench`."""
+    problem = bench.held_out
+    samples = np.isfinite(problem.windows.measured).sum((1, 2))
+    floor = np.sqrt(freedom(problem) / samples.sum())
+    before, after = squares(naive.judged), squares(best.judged)
+    low, high = _interval(problem.windows.runs, before, after)
+    whole = before.sum() - freedom(problem)
+    return Evidence(
+        before=_rms(before, samples),
+        after=_rms(after, samples),
+        noise_floor=float(floor),
+        improvement=1 - _rms(after, samples) / _rms(before, samples),
+        low=low,
+        high=high,
+        explained=float(np.clip((before.sum() - after.sum()) / whole, 0.0, 1.0)) if whole > 0 else 0.0,
+        memory_before=memory(bench, naive.judged),
+        memory_after=memory(bench, best.judged),
+        by_run={
+            name: (_rms(before[at], samples[at]), _rms(after[at], samples[at]))
+            for i, name in enumerate(problem.windows.names)
+            if (at := problem.windows.runs == i).any()
+        },
+        by_channel=_by_channel(bench, naive.judged, best.judged),
+    )
+
+
+def _rms(squares: np.ndarray, samples: np.ndarray) -> float:
+    return float(np.sqrt(squares.sum() / max(samples.sum(), 1)))
+
+
+def _interval(runs, before, after) -> tuple[float, float]:
+    """95 % interval of the improvement: windows resampled within resampled runs."""
+    rng, found = np.random.default_rng(0), []
+    groups = [np.flatnonzero(runs == i) for i in np.unique(runs)]
+    for _ in range(RESAMPLES):
+        chosen = [groups[i] for i in rng.integers(len(groups), size=len(groups))]
+        rows = np.concatenate([rng.choice(group, len(group)) for group in chosen])
+        found.append(1 - np.sqrt(after[rows].sum() / before[rows].sum()))
+    return tuple(float(x) for x in np.percentile(found, [2.5, 97.5]))
+
+
+def residuals(bench: Bench, judged: Fit) -> np.ndarray:
+    """Whitened residuals of the held-out windows, (w, T, ny)."""
+    shape = bench.held_out.windows.measured.shape
+    return judged.point.residual[:, : shape[1] * shape[2]].reshape(shape)
+
+
+def memory(bench: Bench, judged: Fit) -> float:
+    """Largest mean autocorrelation of a channel's held-out residual over the first lags; 0 is white."""
+    error, found = residuals(bench, judged), []
+    for column in range(error.shape[2]):
+        series = error[:, :, column]
+        power = (series**2).mean() or 1.0
+        found += [float((series[:, lag:] * series[:, :-lag]).mean() / power) for lag in range(1, LAGS + 1)]
+    return max(found, key=abs)
+
+
+def _by_channel(bench: Bench, before: Fit, after: Fit) -> dict[str, tuple[float, float]]:
+    problem = bench.held_out
+    seen = np.isfinite(problem.windows.measured)
+    out = {}
+    for i, channel in enumerate(problem.simulator.recording.channels):
+        error = [(residuals(bench, fit) * problem.noise)[..., i][seen[..., i]] for fit in (before, after)]
+        out[channel] = tuple(float(np.sqrt(np.mean(e**2))) for e in error)
+    return out

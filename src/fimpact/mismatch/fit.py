@@ -1,0 +1,140 @@
+"""Fit: maximum likelihood of a hypothesis over all training windows, initial states free.
+
+Levenberg-Marquardt on the problem that is left once initial states are projected off (variable projection). The
+refits of many candidates share the sensitivities of what they have in common.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem, shift
+from fimpact.mismatch.simulate import Hypothesis
+
+SETTLED, RELATIVE = 0.02, 1e-6  # log-likelihood, or share of the cost: less predicted gain changes no conclusion
+THOUSANDTH = 1e-3
+UNSEEN = 1e-6  # squared sensitivity to a coordinate's whole scale below which it is left where it is
+DAMPING = (1e-4, 1e6)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A converged point, the problem linearised there, the posterior precision of the coordinates (k, k), their scale
+    and the prior's pull on them, (k,) each, and whether the predicted gain of another step is negligible."""
+
+    point: Point
+    linear: Linear
+    coordinates: Coordinates
+    precision: np.ndarray
+    scale: np.ndarray
+    pull: np.ndarray
+    converged: bool
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the coordinates, (k, k); a direction that the data leave open has a huge variance, not an error."""
+        scale = self.scale
+        scaled = self.precision * np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(scaled)
+        inverse = (vectors / np.maximum(values, values[-1] * 1e-14)) @ vectors.T
+        return inverse * np.outer(scale, scale)
+
+
+def fit(
+    problem: Problem,
+    coordinates: Coordinates,
+    start: Point,
+    iterations: int = 12,
+    linear: Linear | None = None,
+    patience: int = 0,
+) -> Fit:
+    """Minimise from `start`.
+
+    Args:
+        linear: sensitivities to begin with; they are kept for `patience` iterations and refreshed after.
+    """
+    point, damping, converged = settled(problem, coordinates, start), DAMPING[0], False
+    linear, age = linear or problem.linearise(point, coordinates), 0
+    for _ in range(iterations):
+        z_step, x_step, gain = _step(point, linear, coordinates, damping)
+        if gain < max(SETTLED, RELATIVE * point.cost) and (age == 0 or patience == 0):
+            converged = True
+            break
+        trial = _moved(problem, point, coordinates, z_step, x_step)
+        if trial.cost < point.cost:
+            enough = point.cost - trial.cost > 0.5 * gain
+            point, damping = trial, max(damping / 10, DAMPING[0])
+            age += 1
+            if age > patience or not enough:
+                linear, age = problem.linearise(point, coordinates), 0
+        elif age > 0:
+            linear, age = problem.linearise(point, coordinates), 0
+        else:
+            damping *= 30
+            if damping > DAMPING[1]:
+                break
+    if age > 0:
+        linear = problem.linearise(point, coordinates)
+    pull = (coordinates.read(point.hypothesis) - coordinates.mean) / coordinates.sd**2
+    return Fit(point, linear, coordinates, precision_of(linear, coordinates), coordinates.scale, pull, converged)
+
+
+def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations: int = 6) -> Point:
+    """The initial states alone, each window with a damping of its own: a window that meets a contact must not hold
+    back those that do not. Stops where no window has more to gain than a thousandth of its cost."""
+    damping = np.full(len(point.qpos), DAMPING[0])
+    for _ in range(iterations):
+        basis, triangle = problem.starts_at(point)
+        gram = triangle.transpose(0, 2, 1) @ triangle
+        along = np.einsum("wji,wj->wi", triangle, np.einsum("wmx,wm->wx", basis, point.residual))
+        loaded = gram + damping[:, None, None] * gram * np.eye(gram.shape[1])
+        step = np.linalg.solve(loaded, along[..., None])[..., 0]
+        before = (point.residual**2).sum(1)
+        if (np.einsum("wi,wi->w", step, along) < THOUSANDTH * before).all():
+            break
+        trial = _moved(problem, point, coordinates, 0.0, step)
+        better = (trial.residual**2).sum(1) < before
+        mixed = [
+            np.where(better[:, None], new, old) for new, old in ((trial.qpos, point.qpos), (trial.qvel, point.qvel))
+        ]
+        point = problem.evaluate(point.hypothesis, *mixed, coordinates)
+        damping = np.where(better, damping / 10, np.minimum(damping * 30, DAMPING[1]))
+    return point
+
+
+def precision_of(linear: Linear, coordinates: Coordinates) -> np.ndarray:
+    """Information of the projected problem and the prior, (k, k)."""
+    return np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(coordinates.sd**-2.0)
+
+
+def _step(point: Point, linear: Linear, coordinates: Coordinates, damping: float) -> tuple:
+    z = coordinates.read(point.hypothesis)
+    left = linear.off(point.residual)
+    slope = np.einsum("wma,wm->a", linear.projected, left) - (z - coordinates.mean) / coordinates.sd**2
+    hessian, scale = precision_of(linear, coordinates), coordinates.scale
+    # What lies on a bound and is pushed outwards stays there, and so does what the data do not show.
+    free = ~(((z <= coordinates.low) & (slope < 0)) | ((z >= coordinates.high) & (slope > 0)))
+    free &= np.diag(hessian) * scale**2 > UNSEEN
+    scaled = (hessian * np.outer(scale, scale))[np.ix_(free, free)]
+    step = np.zeros(len(z))
+    if free.any():
+        loaded = scaled + damping * np.diag(np.maximum(np.diag(scaled), 1e-12))
+        step[free] = np.linalg.lstsq(loaded, (slope * scale)[free], rcond=1e-14)[0]
+    step = step * scale
+    inside = np.clip(z + step, coordinates.low, coordinates.high) - z
+    target = np.einsum("wmx,wm->wx", linear.basis, point.residual - linear.raw @ inside)
+    x_step = np.linalg.solve(linear.triangle, target[..., None])[..., 0]
+    ahead = np.einsum("wmx,wm->wx", linear.basis, point.residual)
+    gain = slope @ inside - inside @ hessian @ inside / 2 + (ahead**2).sum() / 2
+    return inside, x_step, gain
+
+
+def _moved(problem: Problem, point: Point, coordinates: Coordinates, z_step, x_step) -> Point:
+    hypothesis = coordinates.write(point.hypothesis, coordinates.read(point.hypothesis) + z_step)
+    states = shift(problem.simulator.base, point.qpos, point.qvel, x_step)
+    return problem.evaluate(hypothesis, *states, coordinates)
+
+
+def first_point(problem: Problem, coordinates: Coordinates, hypothesis: Hypothesis) -> Point:
+    """`hypothesis` with the initial states that the measurements show."""
+    return problem.evaluate(hypothesis, *problem.starts, coordinates)

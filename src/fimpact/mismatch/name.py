@@ -1,0 +1,296 @@
+"""Name: which effect, where, and which others the recordings cannot tell from it.
+
+Screen every candidate by its score, refit the best few to convergence, compare what they predict, held-out runs
+included; add the best, ask again, drop what became superfluous.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fimpact.effects.base import Effect, Placed
+from fimpact.mismatch.calibrate import adjusted, adjusted_groups, background
+from fimpact.mismatch.colour import coloured
+from fimpact.mismatch.fit import Fit, fit
+from fimpact.mismatch.judge import Bench, again, base_fit, freedom, settle, squares
+from fimpact.mismatch.problem import Linear, coordinates
+from fimpact.mismatch.pulses import Pulses, curves, pulses
+from fimpact.mismatch.scales import scales
+from fimpact.mismatch.score import Candidate, proposals, rescore, score, screen, two_sided
+from fimpact.mismatch.simulate import Hypothesis
+
+ALARM = 0.04  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
+REFITS = 6  # candidates that are truly refitted in each step
+RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
+TRACE = 0.02  # share of what there was to explain that is not worth a further effect
+MEMBERS = 1 / 50  # weight, relative to the best, above which an explanation cannot be told from it
+UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
+CERTAIN = 0.01  # family-wise p at which a force without a name is there beside the best named answer
+LARGEST = 3  # effects that are added, at most
+
+
+NAMELESS = Placed(
+    Effect("nameless", "residual", "", "", "", "force", (), lambda m, c: [], lambda s, m, k: [], np.zeros_like, {}),
+    "",
+    {},
+)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The effects added, the fit, and the held-out windows under it; weight: its share of belief among its rivals."""
+
+    placed: tuple[Placed, ...]
+    fitted: Fit
+    judged: Fit
+    deviance: float
+    weight: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Names joined by +, in alphabetical order; "none" for the naive model."""
+        return "+".join(sorted(p.name for p in self.placed)) or "none"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round: what was screened, with family-wise p of each, and what was refitted, best first."""
+
+    screened: list[Candidate]
+    p: np.ndarray
+    rivals: list[Explanation]
+
+
+@dataclass(frozen=True)
+class Naming:
+    """The naive explanation, the steps, and the answer: `best` and the rivals that cannot be told from it.
+
+    left: share of the explainable mismatch that `best` leaves. nameless: family-wise p of forces without a name, as
+    curves over position, speed and time, beside the naive model and beside `best`. dispersion: of the residual under
+    `best`, 1: noise. pulses: the sensitivities behind `nameless`.
+    """
+
+    naive: Explanation
+    steps: list[Step]
+    best: Explanation
+    members: list[Explanation]
+    left: float
+    nameless: tuple[float, float]
+    dispersion: float
+    pulses: Pulses
+
+    @property
+    def p(self) -> float:
+        """Family-wise p of the strongest candidate that the naive model was tested for."""
+        step = self.steps[0]
+        return float(min((p for c, p in zip(step.screened, step.p, strict=True) if c.allowed), default=1.0))
+
+    @property
+    def answer(self) -> str:
+        """The best name, "none", or "unnamed" where the best leaves too much of what can be explained."""
+        if self.left > UNNAMED and self.nameless[1] <= CERTAIN:
+            return "unnamed"
+        return self.best.name
+
+    @property
+    def answer_set(self) -> list[str]:
+        """The answer and the names that the recordings cannot tell from it."""
+        names = [m.name for m in self.members]
+        return ["unnamed", *names] if self.answer == "unnamed" else names or [self.answer]
+
+    @property
+    def confidence(self) -> dict[str, float]:
+        """Belief in each member of the set, its sum below 1 by what the shortlist lost."""
+        return {m.name: m.weight for m in self.members} or {self.answer: 1.0 - ALARM}
+
+
+def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None] = print) -> Naming:
+    """Find what is missing from the naive model of the recording behind `bench`."""
+    simulator = bench.training.simulator
+    naive = explain(*base_fit(bench, coordinates(simulator), Hypothesis(simulator.theta)))
+    tried = proposals(effects, bench.training, scales(bench.training, naive.fitted.point))
+    progress(f"screening {len(tried)} candidates")
+    found = pulses(bench.training, naive.fitted)
+    search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), found, progress)
+    best, rivals, steps = naive, [], []
+    while len(best.placed) < LARGEST:
+        steps.append(_step(search, best, TRACE * _excess(naive) if best.placed else 0.0))
+        if not steps[-1].rivals or not _worthwhile(bench, naive, best, steps[-1]):
+            break
+        rivals = steps[-1].rivals
+        if len(rivals[0].placed) > 1:
+            rivals = _reconsider(search, rivals)
+        best = numerics(bench, rivals[0])
+    return _answer(search, naive, steps, best, rivals[1:])
+
+
+@dataclass(frozen=True)
+class Search:
+    """What every round needs: the problems, the candidates as screened at the naive fit, and where progress is told."""
+
+    bench: Bench
+    candidates: tuple[Candidate, ...]
+    pulses: Pulses
+    progress: Callable[[str], None]
+
+
+def _excess(naive: Explanation) -> float:
+    """Training squares of the naive model beyond those of noise, at least 0."""
+    return max(float(squares(naive.fitted).sum() - (naive.fitted.point.residual != 0).sum()), 0.0)
+
+
+def _step(search: Search, current: Explanation, least: float = 0.0) -> Step:
+    """Screen, and refit what is significant and predicted to gain more than `least`."""
+    bench, progress = search.bench, search.progress
+    known = {p.name for p in current.placed}
+    others = [c for c in search.candidates if c.placed.name not in known]
+    fitted = coloured(bench.training, current.fitted, search.pulses)
+    screened = sorted(rescore(bench.training, fitted, others), key=lambda c: -c.gain)
+    if not screened:
+        return Step([], np.zeros(0), [])
+    p = family_p(search.pulses, fitted, screened)
+    found = min((value for c, value in zip(screened, p, strict=True) if c.allowed), default=1.0) <= ALARM
+    # In units of the noise, slow forces included: what it can be of the plain squares at most.
+    if not found or screened[0].gain * fitted.linear.louder.max() ** 2 < least:
+        return Step(screened, p, [])
+    rivals = []
+    for candidate in shortlist(screened):
+        progress(f"refitting with {candidate.placed.name}")
+        rivals.append(refit(bench, current, candidate))
+    rivals = [r for r in rivals if np.isfinite(r.deviance)]
+    return Step(screened, p, weigh(rivals))
+
+
+def shortlist(screened: list[Candidate]) -> list[Candidate]:
+    """The best probe of each effect and site, in falling order of predicted gain, as far as they are rivals."""
+    best: dict[str, Candidate] = {}
+    for candidate in screened:
+        best.setdefault(candidate.placed.name, candidate)
+    ranked = [c for c in best.values() if c.gain > 0]
+    return [c for c in ranked[:REFITS] if c.gain >= RIVAL * ranked[0].gain]
+
+
+def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:
+    """All coordinates together, to convergence; what is shared with the current fit is not linearised anew."""
+    problem, placed = bench.training, (*current.placed, candidate.start())
+    point = current.fitted.point
+    sizes = tuple(sizes_of(p) for p in (*current.placed, candidate.placed))
+    free = coordinates(problem.simulator, placed, sizes)
+    start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
+    new = range(len(current.fitted.coordinates.scale), len(free.scale))
+    base = problem.predict(start.hypothesis, point.qpos, point.qvel)
+    raw = np.concatenate([current.fitted.linear.raw, problem.columns(start, free, new, base)], 2)
+    linear = Linear(current.fitted.linear.basis, current.fitted.linear.triangle, raw, raw)
+    fitted = fit(problem, free, start, 12, replace(linear, projected=linear.off(raw)), patience=3)
+    judged = settle(bench.held_out, fitted.point.hypothesis, current.judged.point, current.judged.linear)
+    offsets = problem.offset, bench.held_out.offset
+    found = numerics(bench, explain(fitted, judged))
+    problem.offset, bench.held_out.offset = offsets
+    return found
+
+
+def numerics(bench: Bench, best: Explanation) -> Explanation:
+    """The explanation with the time step's error measured where it now is, refitted."""
+    fitted = again(bench, bench.training, best.fitted)
+    judged = settle(bench.held_out, fitted.point.hypothesis, best.judged.point)
+    judged = again(bench, bench.held_out, judged)
+    return replace(explain(fitted, judged), weight=best.weight)
+
+
+def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
+    """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way."""
+    for leaving in rivals[0].placed:
+        rest = tuple(p for p in rivals[0].placed if p.name != leaving.name)
+        reduced = without(search.bench, rivals[0], rest)
+        if reduced.deviance <= rivals[0].deviance:
+            return [replace(reduced, weight=1.0)]
+        found = _step(search, reduced).rivals
+        known = {r.name for r in rivals}
+        rivals = weigh(rivals + [r for r in found if r.name not in known])
+    return rivals
+
+
+def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Explanation:
+    """The explanation refitted with the effects `rest` only."""
+    problem, point = bench.training, current.fitted.point
+    free = coordinates(problem.simulator, rest, tuple(sizes_of(p) for p in rest))
+    start = problem.evaluate(Hypothesis(point.hypothesis.theta, rest), point.qpos, point.qvel, free)
+    fitted = fit(problem, free, start)
+    return explain(fitted, settle(bench.held_out, fitted.point.hypothesis, current.judged.point))
+
+
+def sizes_of(placed: Placed) -> dict[str, float]:
+    """A typical size of each value of a placed effect."""
+    return {name: abs(value) or 1e-6 for name, value in placed.values.items()}
+
+
+def explain(fitted: Fit, judged: Fit) -> Explanation:
+    """An explanation with its deviance: squares of training and held-out windows, and log(samples) for each coefficient
+    of an effect, as in Schwarz's criterion."""
+    placed = fitted.point.hypothesis.placed
+    samples = sum((part.point.residual != 0).sum() for part in (fitted, judged))
+    price = np.log(samples) * sum(len(p.effect.coefficients) for p in placed)
+    return Explanation(placed, fitted, judged, float(squares(fitted).sum() + squares(judged).sum() + price))
+
+
+def dispersion(best: Explanation) -> float:
+    """What differences of deviance, and variances, are scaled by: 1 for noise, more where a residual remembers itself.
+
+    A window's sum of squares is taken as a scaled chi-square, its scale by moments: variance / (2 mean).
+    """
+    found = []
+    for part in (best.fitted, best.judged):
+        sums, samples = squares(part), (part.point.residual != 0).sum(1)
+        found.append(sums.sum() / samples.sum())
+        if len(sums) > 2:
+            found.append(np.var(sums * samples.mean() / samples, ddof=1) / (2 * sums.mean()))
+    return float(max(1.0, *found))
+
+
+def weigh(rivals: list[Explanation]) -> list[Explanation]:
+    """Rivals in falling order of weight, exp(-deviance / 2) with overdispersion."""
+    if not rivals:
+        return []
+    least = min(rivals, key=lambda r: r.deviance)
+    spread = dispersion(least)
+    raw = np.array([np.exp(-(r.deviance - least.deviance) / 2 / spread) for r in rivals])
+    weighted = [replace(r, weight=float(w)) for r, w in zip(rivals, raw / raw.sum(), strict=True)]
+    return sorted(weighted, key=lambda r: -r.weight)
+
+
+def _worthwhile(bench: Bench, naive: Explanation, current: Explanation, step: Step) -> bool:
+    """Whether the best rival predicts held-out windows better, by more than a trace of what there was to explain."""
+    best = step.rivals[0]
+    gain = squares(current.judged) - squares(best.judged)
+    whole = squares(naive.judged).sum() - freedom(bench.held_out)
+    return bool(gain.sum() > max(TRACE * whole, 0.0))
+
+
+def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explanation, others) -> Naming:
+    bench, found = search.bench, search.pulses
+    free = freedom(bench.training, len(best.fitted.coordinates.scale)) + freedom(bench.held_out)
+    before, after = (squares(e.fitted).sum() + squares(e.judged).sum() - free for e in (naive, best))
+    left = float(np.clip(after / before, 0.0, 1.0)) if before > 0 else 0.0
+    members = [best, *(r for r in others if r.weight >= MEMBERS * best.weight)] if best.placed else []
+    p = tuple(nameless(bench, e.fitted, found) for e in (naive, best))
+    return Naming(naive, steps, best, members, left, p, dispersion(best), found)
+
+
+def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarray:
+    """p of each candidate beside `fitted`, adjusted for all of them, (c,)."""
+    columns = np.stack([c.column.ravel() for c in screened], 1)
+    sides = np.array([two_sided(c.placed.effect) for c in screened])
+    return adjusted(np.array([c.z for c in screened]), columns, sides, background(fitted, found))
+
+
+def nameless(bench: Bench, fitted: Fit, found: Pulses) -> float:
+    """Family-wise p of a force without a name, any curve over position, speed or time, beside what is fitted."""
+    fitted, groups = coloured(bench.training, fitted, found), {}
+    for dof, regressor, curve in curves(found):
+        candidate = score(bench.training, fitted, NAMELESS, found.along(dof, curve))
+        if candidate.information > 0:
+            groups.setdefault((dof, regressor), []).append(candidate.column.ravel())
+    stacked = [np.stack(group, 1) for group in groups.values()]
+    p = adjusted_groups(stacked, fitted.linear.off(fitted.point.residual).ravel(), background(fitted, found))
+    return float(p.min(initial=1.0))

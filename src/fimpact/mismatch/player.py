@@ -1,0 +1,100 @@
+"""Plays a model with the laws that an MJCF cannot hold. Its text, with the laws filled in, becomes `improved.py`.
+
+Only numpy and mujoco may be used here: what is exported must run where fimpact is not installed.
+"""
+
+import mujoco
+import numpy as np
+
+from fimpact.effects.base import Signal, State
+
+# Each law comes with the name of its site and its values.
+EDITS, FORCES, COMMANDS, MEASUREMENTS = [], [], [], []
+PERIOD = 0.0
+PAST = 0  # rows of commands that actuators with a lag or delay remember
+CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, GAINS = (), (), (), (), ()
+
+
+def load(path):
+    """The MuJoCo model of the MJCF at `path`, with the laws that edit its fields applied."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    for law, site, values in EDITS:
+        law(model, site, **values)
+    if EDITS:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+class Stepper:
+    """Steps `data` with the added forces; one for each simulation, because a force may remember its past."""
+
+    def __init__(self, model, data):
+        self.model, self.data, self.memory, self.before = model, data, {}, None
+
+    def step(self, ctrl):
+        """Hold the commands `ctrl` (nu,) over one time step; the added forces go to `data.qfrc_applied`."""
+        model, data = self.model, self.data
+        data.ctrl[:] = ctrl
+        now = np.concatenate([data.qpos, data.qvel])
+        # Half a step ahead, so that holding the force over the step is accurate to second order.
+        ahead = now if self.before is None else now + (now - self.before) / 2
+        position, speed = ahead[None, : model.nq], ahead[None, model.nq :]
+        seen = State(
+            model, position, speed, data.ctrl[None].copy(), np.array([data.time]), model.opt.timestep, self.memory
+        )
+        data.qfrc_applied[:] = sum((law(seen, site, **values)[0] for law, site, values in FORCES), np.zeros(model.nv))
+        self.before = now
+        mujoco.mj_step(model, data)
+
+
+def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
+    """What the channels read, (samples, ny), one row each `PERIOD` seconds.
+
+    Args:
+        ctrl: recorded commands of the whole run, (T, nu), one row each `PERIOD`; the last one is held.
+        qpos, qvel: state at row `first` of the run. samples: default: to the end of the run.
+    """
+    samples = samples or len(ctrl) - first
+    substeps = round(PERIOD / model.opt.timestep)
+    drive = commands(ctrl, substeps)
+    data, begin = mujoco.MjData(model), first * substeps
+    for k in range(max(begin - PAST * substeps, 0), begin):
+        data.time, data.qpos[:], data.qvel[:] = k * model.opt.timestep, qpos, qvel
+        data.ctrl[:] = drive[k]
+        mujoco.mj_step(model, data)
+    data.time, data.qpos[:], data.qvel[:] = first * PERIOD, qpos, qvel
+    columns = [_column(model, channel) for channel in CHANNELS]
+    stepper, rows = Stepper(model, data), []
+    for k in range(samples * substeps):
+        stepper.step(drive[min(begin + k, len(drive) - 1)])
+        if k % substeps == 0:
+            rows.append(data.sensordata[columns].copy())
+    return measurements(np.array(rows), ctrl, first)
+
+
+def commands(ctrl, substeps):
+    """The commands that reach the plant, (T * substeps, nu), when `ctrl` (T, nu) is sent."""
+    drive = np.repeat(np.asarray(ctrl, float), substeps, 0)[None]
+    time = np.arange(drive.shape[1])[None] * PERIOD / substeps
+    for law, site, values in COMMANDS:
+        drive = law(drive, _signal(time, drive), site, **values)
+    return drive[0]
+
+
+def measurements(read, ctrl, first=0):
+    """What the sensors report, (n, ny), when the channels truly read `read`, from row `first` of the run on."""
+    rows = np.arange(first, first + len(read))
+    sent = np.asarray(ctrl, float)[np.minimum(rows, len(ctrl) - 1)][None]
+    measured = read[None]
+    for law, site, values in MEASUREMENTS:
+        measured = law(measured, _signal(rows[None] * PERIOD, sent), site, **values)
+    return measured[0]
+
+
+def _signal(time, ctrl):
+    return Signal(time, ctrl, CHANNELS, ACTUATORS, ctrl * np.array(GAINS), JOINT_OF, DRIVEN_BY)
+
+
+def _column(model, channel):
+    name, _, component = channel.removesuffix("]").partition("[")
+    return model.sensor(name).adr[0] + int(component or 0)

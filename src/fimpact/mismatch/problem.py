@@ -1,0 +1,191 @@
+"""The whitened least-squares problem that a hypothesis poses on windows with free initial states.
+
+Notation of DESIGN.md: residual r, sensitivities J to the coordinates that are fitted, X to the initial states of a
+window. X is projected off window by window (QR), which leaves a small problem in the coordinates.
+"""
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from fimpact.effects.base import Placed
+from fimpact.mismatch.simulate import Hypothesis, Simulator, Windows
+from fimpact.recordings import FIELDS
+
+SECANT = 1e-4  # of a coordinate's scale; far above the contact solver's noise, far below what is nonlinear
+WEAK = 1e-6  # prior weight of an initial state that nobody knows; only there to keep R invertible
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The numbers that are fitted: the recording's unknowns, then the named values of each placed effect.
+
+    low, high, scale, mean, sd: (k,) each; mean and sd are those of the prior, sd = inf where there is none.
+    """
+
+    unknowns: int
+    values: tuple[tuple[int, str], ...]
+    low: np.ndarray
+    high: np.ndarray
+    scale: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+
+    def read(self, hypothesis: Hypothesis) -> np.ndarray:
+        """The coordinates of `hypothesis`, (k,)."""
+        extra = [hypothesis.placed[i].values[name] for i, name in self.values]
+        return np.append(hypothesis.theta[: self.unknowns], extra)
+
+    def write(self, hypothesis: Hypothesis, z: np.ndarray) -> Hypothesis:
+        """`hypothesis` moved to the coordinates `z`, (k,), held within their bounds."""
+        z = np.clip(z, self.low, self.high)
+        placed = list(hypothesis.placed)
+        for (i, name), value in zip(self.values, z[self.unknowns :], strict=True):
+            placed[i] = replace(placed[i], values={**placed[i].values, name: float(value)})
+        return Hypothesis(np.append(z[: self.unknowns], hypothesis.theta[self.unknowns :]), tuple(placed))
+
+
+@dataclass(frozen=True)
+class Point:
+    """A hypothesis with initial states: qpos (w, nq), qvel (w, nv), residual (w, m) and half its square plus prior."""
+
+    hypothesis: Hypothesis
+    qpos: np.ndarray
+    qvel: np.ndarray
+    residual: np.ndarray
+    cost: float
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The problem linearised: orthonormal basis Q (w, m, nx) and R of X; J (w, m, k) raw and `projected` off Q.
+
+    coloured: directions (w, m, c), orthonormal and off Q, in which the noise is louder by sd `louder` (c,), or None.
+    """
+
+    basis: np.ndarray
+    triangle: np.ndarray
+    raw: np.ndarray
+    projected: np.ndarray
+    coloured: np.ndarray | None = None
+    louder: np.ndarray | None = None
+
+    def off(self, columns: np.ndarray) -> np.ndarray:
+        """`columns`, (w, m) or (w, m, c), with what initial states imitate taken out, and in units of the noise."""
+        flat = columns if columns.ndim == 3 else columns[..., None]
+        left = flat - self.basis @ (self.basis.transpose(0, 2, 1) @ flat)
+        if self.coloured is not None:
+            left -= self.coloured @ ((self.coloured.transpose(0, 2, 1) @ left) * (1 - 1 / self.louder)[:, None])
+        return left if columns.ndim == 3 else left[..., 0]
+
+
+class Problem:
+    """Windows of a recording under a simulator; `noise` (ny,) or (w, T, ny), and what numerics add to predictions."""
+
+    def __init__(self, simulator: Simulator, windows: Windows, noise: np.ndarray, starts: tuple, start_sd: np.ndarray):
+        self.simulator, self.windows = simulator, windows
+        self.noise = np.broadcast_to(noise, windows.measured.shape)
+        self.offset, self.corrected = np.zeros_like(windows.measured), False
+        self.starts = starts
+        given = (windows.first == 0)[:, None] & np.isfinite(start_sd)
+        self.start_weight = np.where(given, 1 / np.where(start_sd > 0, start_sd, 1.0), WEAK)
+
+    def whiten(self, measured: np.ndarray) -> np.ndarray:
+        """Measurements or their differences (w, T, ny) in standard deviations, (w, T * ny); missing ones are 0."""
+        scaled = np.where(np.isfinite(self.windows.measured), measured / self.noise, 0.0)
+        return scaled.reshape(len(scaled), -1)
+
+    def predict(self, hypothesis: Hypothesis, qpos, qvel, push=None) -> np.ndarray:
+        """Whitened prediction, (w, T * ny), numerical offset included."""
+        return self.whiten(self.simulator.predict(hypothesis, self.windows, qpos, qvel, push) + self.offset)
+
+    def evaluate(self, hypothesis: Hypothesis, qpos, qvel, coordinates: Coordinates) -> Point:
+        """Residual and cost of a hypothesis with initial states; infinite cost where the simulation diverges."""
+        error = self.whiten(self.windows.measured) - self.predict(hypothesis, qpos, qvel)
+        moved = _difference(self.simulator.base, *self.starts, qpos, qvel)
+        residual = np.concatenate([error, -moved * self.start_weight], 1)
+        pull = (coordinates.read(hypothesis) - coordinates.mean) / coordinates.sd
+        cost = ((residual**2).sum() + (pull**2).sum()) / 2
+        return Point(hypothesis, qpos, qvel, residual, float(cost) if np.isfinite(cost) else np.inf)
+
+    def linearise(self, point: Point, coordinates: Coordinates) -> Linear:
+        """Secants around `point` in initial states and coordinates."""
+        base = self.predict(point.hypothesis, point.qpos, point.qvel)
+        basis, triangle = self.starts_at(point, base)
+        raw = self.columns(point, coordinates, range(len(coordinates.scale)), base)
+        linear = Linear(basis, triangle, raw, raw)
+        return replace(linear, projected=linear.off(raw))
+
+    def columns(self, point: Point, coordinates: Coordinates, which, base: np.ndarray) -> np.ndarray:
+        """Secant sensitivity of the prediction to the coordinates `which`, (w, m, c)."""
+        z, found = coordinates.read(point.hypothesis), []
+        for i in which:
+            step = SECANT * coordinates.scale[i]
+            step = -step if z[i] + step > coordinates.high[i] else step
+            moved = coordinates.write(point.hypothesis, z + step * (np.arange(len(z)) == i))
+            found.append((self.predict(moved, point.qpos, point.qvel) - base) / step)
+        return self.extend(np.stack(found, 2) if found else np.zeros((*base.shape, 0)))
+
+    def extend(self, columns: np.ndarray) -> np.ndarray:
+        """`columns`, (w, T * ny, c), with the zero rows of the initial states' prior added: (w, m, c)."""
+        rows = np.zeros((len(columns), self.start_weight.shape[1], columns.shape[2]))
+        return np.concatenate([columns, rows], 1)
+
+    def starts_at(self, point: Point, base: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Q (w, m, nx) and R (w, nx, nx) of the secants in initial states; `base`: the prediction, where known."""
+        base = self.predict(point.hypothesis, point.qpos, point.qvel) if base is None else base
+        nv, columns = self.simulator.base.nv, []
+        for i in range(2 * nv):
+            delta = np.zeros((len(base), 2 * nv))
+            delta[:, i] = SECANT * 0.1
+            moved = shift(self.simulator.base, point.qpos, point.qvel, delta)
+            columns.append((self.predict(point.hypothesis, *moved) - base) / (SECANT * 0.1))
+        prior = self.start_weight[:, :, None] * np.eye(2 * nv)
+        return np.linalg.qr(np.concatenate([np.stack(columns, 2), prior], 1))
+
+
+def shift(model: mujoco.MjModel, qpos, qvel, delta) -> tuple[np.ndarray, np.ndarray]:
+    """States moved by `delta`, (w, 2 nv), in the tangent space of the configuration."""
+    moved = qpos.copy()
+    for row, step in zip(moved, np.ascontiguousarray(delta[:, : model.nv]), strict=True):
+        mujoco.mj_integratePos(model, row, step, 1.0)
+    return moved, qvel + delta[:, model.nv :]
+
+
+def _difference(model: mujoco.MjModel, qpos0, qvel0, qpos, qvel) -> np.ndarray:
+    out = np.empty((len(qpos), model.nv))
+    for row, before, after in zip(out, qpos0, qpos, strict=True):
+        mujoco.mj_differentiatePos(model, row, 1.0, before, after)
+    return np.concatenate([out, qvel - qvel0], 1)
+
+
+NOTHING = Coordinates(0, (), *(np.zeros(0),) * 5)
+"""No coordinates at all: only initial states are fitted."""
+
+
+def coordinates(simulator: Simulator, placed: tuple[Placed, ...] = (), scales: tuple[dict, ...] = ()) -> Coordinates:
+    """The recording's unknowns and the coefficients of `placed`; `scales`: a typical size of each by name."""
+    nominal = simulator.theta
+    unknowns = simulator.recording.unknowns
+    unit = np.where(nominal != 0, np.abs(nominal), 1.0)
+    sd = np.array([u.sd for u in unknowns]) * unit
+    positive = np.array([FIELDS[u.field][1] for u in unknowns], bool)
+    low = np.where(positive, 1e-3 * unit * (nominal != 0), -np.inf)
+    names, lows, highs, sizes = [], [], [], []
+    for i, (hypothesis, scale) in enumerate(zip(placed, scales, strict=True)):
+        for coefficient in hypothesis.effect.coefficients:
+            names.append((i, coefficient.name))
+            lows.append(coefficient.low)
+            highs.append(coefficient.high)
+            sizes.append(max(abs(scale[coefficient.name]), 1e-9))
+    count = len(names)
+    return Coordinates(
+        len(nominal),
+        tuple(names),
+        np.append(low, lows),
+        np.append(np.full(len(nominal), np.inf), highs),
+        np.append(np.where(np.isfinite(sd), np.minimum(sd, unit), unit), sizes),
+        np.append(nominal, np.zeros(count)),
+        np.append(np.where(sd > 0, sd, np.inf), np.full(count, np.inf)),
+    )

@@ -1,0 +1,122 @@
+"""Forces that no catalogue names: short pulses on each degree of freedom, and what the robot was doing meanwhile.
+
+A window is a fraction of a second, so a force that depends on anything is nearly constant in an eighth of it. The
+sensitivities to such pulses, weighted by any function of state, give the sensitivity to that function as a force:
+arbitrary curves are tested at the price of two dozen simulations.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.problem import Problem
+from fimpact.mismatch.scales import scales
+
+BINS = 8  # pieces of a window in which the force is constant
+PROBE = 0.02  # of the root mean square force
+BUMPS = 5  # smooth curves over the range of each regressor
+IMPACT = 0.03  # s after contact begins
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Sensitivities, (w, m, nv * BINS), to a unit force on each degree of freedom (named `dofs`) in each bin, and at
+    the middle of each bin: time (w, BINS) s since the start of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), and the
+    contact mode (w, BINS): "free", "impact" or "contact"."""
+
+    columns: np.ndarray
+    dofs: tuple[str, ...]
+    time: np.ndarray
+    qpos: np.ndarray
+    qvel: np.ndarray
+    mode: np.ndarray
+
+    def along(self, dof: int, curve: np.ndarray) -> np.ndarray:
+        """Sensitivity, (w, m), to the force `curve`, (w, BINS), on one degree of freedom."""
+        return np.einsum("wmb,wb->wm", self.columns[:, :, dof * BINS : (dof + 1) * BINS], curve)
+
+
+def pulses(problem: Problem, fitted: Fit) -> Pulses:
+    """Pulses at the fitted point of `problem`."""
+    point, length = fitted.point, problem.windows.length
+    base = problem.predict(point.hypothesis, point.qpos, point.qvel)
+    size, columns = PROBE * scales(problem, point).force, []
+    edges = np.linspace(0, length, BINS + 1).astype(int)
+    for dof in range(problem.simulator.base.nv):
+        for first, last in pairwise(edges):
+            push = np.zeros((1, length, problem.simulator.base.nv))
+            push[0, first:last, dof] = size[dof]
+            change = problem.predict(point.hypothesis, point.qpos, point.qvel, push) - base
+            columns.append(np.nan_to_num(change) / size[dof])
+    return Pulses(problem.extend(np.stack(columns, 2)), dof_names(problem.simulator.base), *_meanwhile(problem, fitted))
+
+
+def dof_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Name of the joint behind each degree of freedom; those of free and ball joints are numbered."""
+    names = []
+    for dof in range(model.nv):
+        joint = model.jnt(int(model.dof_jntid[dof]))
+        several = (model.dof_jntid == model.dof_jntid[dof]).sum() > 1
+        names.append(f"{joint.name}[{dof - joint.dofadr[0]}]" if several else joint.name)
+    return tuple(names)
+
+
+def curves(found: Pulses) -> list[tuple[int, str, np.ndarray]]:
+    """(degree of freedom, regressor, force (w, BINS)) of smooth bumps over each regressor's range: own position and
+    speed, time, and direction of motion while in contact."""
+    out = []
+    for dof in range(len(found.dofs)):
+        regressors = {"speed": found.qvel[..., dof], "time": found.time}
+        if found.qpos.shape[2] == found.qvel.shape[2]:
+            regressors["position"] = found.qpos[..., dof]
+        out += [(dof, name, bump) for name, x in regressors.items() for bump in _bumps(x)]
+        touching = found.mode != "free"
+        if touching.any() and not touching.all():
+            out += [(dof, "contact", touching * 1.0), (dof, "contact", touching * np.sign(found.qvel[..., dof]))]
+    return out
+
+
+def _bumps(x: np.ndarray) -> list[np.ndarray]:
+    centres = np.quantile(x, (np.arange(BUMPS) + 0.5) / BUMPS)
+    width = max(np.diff(centres).mean(), 1e-9)
+    return [np.exp(-0.5 * ((x - centre) / width) ** 2) for centre in centres]
+
+
+def _meanwhile(problem: Problem, fitted: Fit) -> tuple:
+    simulator, windows, point = problem.simulator, problem.windows, fitted.point
+    qpos, qvel = simulator.motion(point.hypothesis, windows, point.qpos, point.qvel)
+    middle = ((np.arange(BINS) + 0.5) * qpos.shape[1] / BINS).astype(int)
+    time = (windows.first[:, None] + middle / simulator.substeps) * simulator.recording.period
+    model = simulator.model(point.hypothesis)
+    mode = _modes(_touching(model, qpos), round(IMPACT / model.opt.timestep))
+    return time, qpos[:, middle], qvel[:, middle], mode
+
+
+def _modes(touching: np.ndarray, since: int) -> np.ndarray:
+    """Mode of each bin, (w, BINS), from contact in each step, (w, n)."""
+    mode = np.full((len(touching), BINS), "free", dtype="<U7")
+    edges = np.linspace(0, touching.shape[1], BINS + 1).astype(int)
+    for w, row in enumerate(touching):
+        begins = np.flatnonzero(row & ~np.append(False, row[:-1]))
+        for b, (first, last) in enumerate(pairwise(edges)):
+            if row[first:last].any():
+                fresh = ((begins >= first - since) & (begins < last)).any()
+                mode[w, b] = "impact" if fresh else "contact"
+    return mode
+
+
+def _touching(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
+    """Whether any contact is closed, (w, n)."""
+    out = np.zeros(qpos.shape[:2], bool)
+    if not (model.npair or (model.geom_contype.any() and model.geom_conaffinity.any())):
+        return out
+    data = mujoco.MjData(model)
+    for place in np.ndindex(out.shape):
+        data.qpos[:] = qpos[place]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        out[place] = bool((data.contact.dist[: data.ncon] < 0).any())
+    return out

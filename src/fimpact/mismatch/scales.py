@@ -1,0 +1,62 @@
+"""Typical magnitudes of a recording, so that an effect can be tried at a size that means something there."""
+
+import mujoco
+import numpy as np
+
+from fimpact.effects.base import Scales
+from fimpact.mismatch.problem import Point, Problem
+
+SAMPLES = 400  # states whose inverse dynamics is averaged
+EARTH = 9.81  # m/s^2
+
+
+def scales(problem: Problem, point: Point) -> Scales:
+    """Scales of the motion that the model at `point` predicts for the problem's windows."""
+    simulator, windows = problem.simulator, problem.windows
+    qpos, qvel = simulator.motion(point.hypothesis, windows, point.qpos, point.qvel)
+    model = simulator.model(point.hypothesis)
+    travel = (qpos - qpos.mean((0, 1))).reshape(-1, model.nq)
+    moving = model.body_mass[model.body_weldid > 0]
+    gravity = float(np.linalg.norm(model.opt.gravity))
+    return Scales(
+        force=_force(model, qpos, qvel),
+        speed=_rms(qvel.reshape(-1, model.nv)),
+        travel=_rms(travel)[_position_of_dof(model)],
+        command=_rms(windows.ctrl.reshape(windows.ctrl.shape[0] * windows.ctrl.shape[1], model.nu)),
+        measured=np.nanstd(windows.measured.reshape(-1, windows.measured.shape[2]), 0),
+        mass=float(moving.sum()),
+        length=float(model.stat.extent),
+        gravity=gravity or EARTH,
+        period=simulator.recording.period,
+        duration=windows.ctrl.shape[1] * simulator.recording.period,
+    )
+
+
+def _rms(rows: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.maximum(np.mean(rows**2, 0), np.finfo(float).tiny))
+
+
+def _position_of_dof(model: mujoco.MjModel) -> np.ndarray:
+    # A rotation's scale is that of its quaternion's vector part.
+    place = np.empty(model.nv, int)
+    for joint in range(model.njnt):
+        width = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}.get(
+            mujoco.mjtJoint(model.jnt_type[joint]), 1
+        )
+        extra = np.arange(width) + (np.arange(width) >= 3 if width == 6 else width == 3)
+        first = model.jnt_dofadr[joint]
+        place[first : first + width] = model.jnt_qposadr[joint] + extra
+    return place
+
+
+def _force(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+    """Root mean square force that accelerates and carries each degree of freedom, (nv,)."""
+    data, found = mujoco.MjData(model), []
+    rows, step = qpos.shape[0] * (qpos.shape[1] - 1), model.opt.timestep
+    for flat in np.linspace(0, rows - 1, min(SAMPLES, rows)).astype(int):
+        w, k = divmod(flat, qpos.shape[1] - 1)
+        data.qpos[:], data.qvel[:] = qpos[w, k], qvel[w, k]
+        data.qacc[:] = (qvel[w, k + 1] - qvel[w, k]) / step
+        mujoco.mj_inverse(model, data)
+        found.append(np.abs(data.qfrc_inverse) + np.abs(data.qfrc_bias))
+    return _rms(np.array(found))

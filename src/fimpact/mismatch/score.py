@@ -1,0 +1,132 @@
+"""The score test: what each candidate would gain, before anything is refitted.
+
+A missing effect is a parameter at zero. Its sensitivity s, with what initial states and fitted parameters imitate
+taken out (s_perp), gives the score U = s_perp' r, its information I = ||s_perp||^2, the one-shot strength U / I and the
+concealment kappa = 1 - ||s_perp||^2 / ||s||^2 (DESIGN.md). One simulation per candidate.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fimpact.effects.base import Effect, Placed, Scales
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.problem import Problem
+from fimpact.mismatch.simulate import Hypothesis
+
+SAME = 0.9999  # cosine with a fitted parameter's own sensitivity above which a candidate is that parameter
+INVISIBLE = 1e-3  # standard deviations: a probe that changes less, all samples together, is not a candidate
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one site, tried at one probe; `strength` multiplies the probe: the one-shot estimate.
+
+    shares: (w + 1,) contributions of the windows, and of the prior, to the score; information: ||s_perp||^2;
+    concealment: all of it, and `hidden` the part that the fitted parameters alone imitate; change: of the whitened
+    prediction by the probe, (w, m); column: s_perp, (w, m).
+    """
+
+    placed: Placed
+    shares: np.ndarray
+    information: float
+    strength: float
+    concealment: float
+    hidden: float
+    change: np.ndarray
+    column: np.ndarray
+
+    @property
+    def z(self) -> float:
+        """Score in standard deviations of white noise; negative: the data ask for less than nothing of it."""
+        return float(self.shares.sum() / np.sqrt(self.information))
+
+    @property
+    def gain(self) -> float:
+        """Predicted fall of the sum of squares; 0 for a strength that the effect cannot have."""
+        return self.z**2 if self.allowed else 0.0
+
+    @property
+    def allowed(self) -> bool:
+        """Whether the one-shot strength has a sign that the effect's bounds permit."""
+        return self.strength > 0 or two_sided(self.placed.effect)
+
+    def start(self) -> Placed:
+        """The effect at its one-shot strength, inside its bounds."""
+        if not self.placed.effect.linear:
+            return self.placed
+        values = dict(self.placed.values)
+        for c in self.placed.effect.coefficients:
+            if not c.shape:
+                values[c.name] = float(np.clip(values[c.name] * self.strength, c.low, c.high))
+        return replace(self.placed, values=values)
+
+
+def two_sided(effect: Effect) -> bool:
+    """Whether the effect's amplitude may have either sign."""
+    return effect.linear and all(c.low < effect.neutral[c.name] for c in effect.coefficients if not c.shape)
+
+
+def proposals(effects: Sequence[Effect], problem: Problem, scales: Scales, known=()) -> list[Placed]:
+    """Every effect at every site at every probe, those already in the hypothesis (`known` names) left out."""
+    model, channels = problem.simulator.base, problem.simulator.recording.channels
+    found = []
+    for effect in effects:
+        for site in effect.sites(model, channels):
+            placed = [Placed(effect, site, values) for values in effect.probes(scales, model, site)]
+            found += [p for p in placed if p.name not in known]
+    return found
+
+
+def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed], progress: Callable | None = None) -> list[Candidate]:
+    """Score of every proposal at the fitted point; those that change nothing there are left out."""
+    point = fitted.point
+    base = problem.predict(point.hypothesis, point.qpos, point.qvel)
+    found = []
+    for placed in tried:
+        added = Hypothesis(point.hypothesis.theta, (*point.hypothesis.placed, placed))
+        change = problem.predict(added, point.qpos, point.qvel) - base
+        if np.isfinite(change).all() and not _fitted_already(change, fitted):
+            found.append(score(problem, fitted, placed, problem.extend(change[..., None])[..., 0]))
+        if progress:
+            progress(placed)
+    return [candidate for candidate in found if candidate.information > INVISIBLE**2]
+
+
+def rescore(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The same probes beside another fit, their sensitivities taken as they were."""
+    again = [score(problem, fitted, c.placed, c.change) for c in candidates]
+    return [c for c in again if c.information > INVISIBLE**2]
+
+
+def _fitted_already(change: np.ndarray, fitted: Fit) -> bool:
+    """Whether the probe changes nothing, or only what one of the fitted parameters changes, that parameter itself."""
+    size = np.sqrt((change**2).sum())
+    if size < INVISIBLE:
+        return True
+    columns = fitted.linear.raw[:, : change.shape[1]]
+    along = np.einsum("wma,wm->a", columns, change) / np.sqrt((columns**2).sum((0, 1)) + 1e-300) / size
+    return bool(np.abs(along).max(initial=0.0) > SAME)
+
+
+def score(problem: Problem, fitted: Fit, placed: Placed, change: np.ndarray) -> Candidate:
+    """Score of one column, (w, m): the change that the probe makes."""
+    linear, inverse = fitted.linear, fitted.covariance
+    free = linear.off(change)
+    along = np.einsum("wma,wm->a", linear.projected, free)
+    absorbed = inverse @ along
+    column = free - linear.projected @ absorbed
+    # The prior is an observation of the parameters: a fit that had to bend them votes for what they absorbed.
+    shares = np.append(np.einsum("wm,wm->w", column, linear.off(fitted.point.residual)), absorbed @ fitted.pull)
+    left, all_, before = (free**2).sum() - along @ absorbed, (change**2).sum(), (free**2).sum()
+    return Candidate(
+        placed,
+        shares,
+        float(max(left, 0.0)),
+        float(shares.sum() / left) if left > 0 else 0.0,
+        float(1 - left / all_),
+        float(1 - left / before) if before > 0 else 1.0,
+        change,
+        column,
+    )

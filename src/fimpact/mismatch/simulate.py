@@ -1,0 +1,207 @@
+"""Windows of a recording, simulated by MuJoCo C under a hypothesis: parameter values and effects added to the model.
+
+All windows advance together: `mujoco.rollout` steps them in C, and a force law that MuJoCo lacks is evaluated once per
+step for all of them. A secant of that is the sensitivity to anything, through contact and without compilation.
+"""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from mujoco.rollout import Rollout
+
+from fimpact.effects.base import Placed, Signal, State
+from fimpact.effects.native import editable
+from fimpact.recordings import FIELDS, Recording, Run
+
+CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
+CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Values of the recording's unknowns, (p,), and the effects that are added."""
+
+    theta: np.ndarray
+    placed: tuple[Placed, ...] = ()
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Stretches of runs, padded to one length: measured (w, T, ny), NaN where missing; runs: the run of each, first:
+    its first sample, each (w,); ctrl: every run's commands, (runs, N, nu), padded by their last row."""
+
+    runs: np.ndarray
+    first: np.ndarray
+    measured: np.ndarray
+    ctrl: np.ndarray
+    names: tuple[str, ...]
+
+    @property
+    def length(self) -> int:
+        """Samples in a window, T."""
+        return self.measured.shape[1]
+
+
+def cut(runs: Sequence[Run], length: int) -> Windows:
+    """Windows of `length` samples, 0: whole runs; a remainder shorter than half a window is left out."""
+    longest = max(len(run.measured) for run in runs)
+    size = min(length or longest, longest)
+    places = [(i, k) for i, run in enumerate(runs) for k in range(0, max(len(run.measured) - size // 2, 1), size)]
+    index = np.arange(size)
+    measured = np.full((len(places), size, runs[0].measured.shape[1]), np.nan)
+    for row, (i, first) in enumerate(places):
+        piece = runs[i].measured[first : first + size]
+        measured[row, : len(piece)] = piece
+    ctrl = np.array([run.ctrl[np.minimum(np.arange(longest + len(index)), len(run.ctrl) - 1)] for run in runs])
+    which, first = np.array(places).T
+    return Windows(which, first, measured, ctrl, tuple(run.name for run in runs))
+
+
+# A trial step that diverges is an infinite cost; MuJoCo would print it and write a log file.
+mujoco.set_mju_user_warning(lambda message: None)
+
+
+class Simulator:
+    """Predicts what the channels of `recording` read, at its time step divided by `refine`."""
+
+    def __init__(self, recording: Recording, refine: int = 1):
+        self.recording = recording
+        spec = recording.spec()
+        spec.option.timestep /= refine
+        self.base = editable(spec)
+        # A diverged state must show as NaN, not as a silent reset.
+        self.base.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        # A secant through contact needs a solver that has converged further than a picture does.
+        self.base.opt.tolerance = min(self.base.opt.tolerance, CONVERGED)
+        self.base.opt.iterations = max(self.base.opt.iterations, ITERATIONS)
+        self.base.opt.ls_iterations = max(self.base.opt.ls_iterations, ITERATIONS)
+        self.data = mujoco.MjData(self.base)
+        self.substeps = max(1, round(recording.period / self.base.opt.timestep))
+        self.base.opt.timestep = recording.period / self.substeps
+        self.columns = np.array([_sensor_column(self.base, name) for name in recording.channels])
+        self._engine = Rollout(nthread=0)
+
+    @cached_property
+    def theta(self) -> np.ndarray:
+        """The model's own values of the unknowns, (p,)."""
+        return np.array([FIELDS[u.field][2][0](self.base, u.site) for u in self.recording.unknowns])
+
+    def model(self, hypothesis: Hypothesis) -> mujoco.MjModel:
+        """The MuJoCo model under `hypothesis`, force, command and measurement laws left out."""
+        model = copy.copy(self.base)
+        for unknown, value in zip(self.recording.unknowns, hypothesis.theta, strict=True):
+            FIELDS[unknown.field][2][1](model, unknown.site, value)
+        for placed in hypothesis.placed:
+            if placed.effect.enters == "model":
+                placed.effect.law(model, placed.site, **placed.values)
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        return model
+
+    def predict(self, hypothesis, windows: Windows, qpos, qvel, push: np.ndarray | None = None) -> np.ndarray:
+        """Measurements, (w, T, ny), from states qpos (w, nq), qvel (w, nv) at the start of each window.
+
+        Args:
+            push: generalised force (w or 1, T, nv) added in each sample, N or N m.
+        """
+        model = self.model(hypothesis)
+        signal = self._signal(windows, windows.length * self.substeps)
+        ctrl = self._commands(hypothesis, windows, signal)
+        force = np.zeros((1, ctrl.shape[1], model.nv)) if push is None else np.repeat(push, self.substeps, 1)
+        laws = [placed for placed in hypothesis.placed if placed.effect.enters == "force"]
+        run = self._lockstep if laws else self._rollout
+        sensed = run(model, signal, ctrl, np.broadcast_to(force, (len(ctrl), *force.shape[1:])), qpos, qvel, laws)
+        measured = sensed[:, :: self.substeps, self.columns]
+        coarse = self._signal(windows, windows.length, self.recording.period)
+        for placed in hypothesis.placed:
+            if placed.effect.enters == "measurement":
+                measured = placed.effect.law(measured, coarse, placed.site, **placed.values)
+        return measured
+
+    def motion(self, hypothesis, windows: Windows, qpos, qvel) -> tuple[np.ndarray, np.ndarray]:
+        """qpos (w, n, nq) and qvel (w, n, nv) after each of the n simulation steps, force laws left out."""
+        model, signal = self.model(hypothesis), self._signal(windows, windows.length * self.substeps)
+        ctrl = self._commands(hypothesis, windows, signal)
+        control = np.concatenate([ctrl, np.zeros((*ctrl.shape[:2], model.nv))], 2)
+        state = self._engine.rollout(model, self.data, self._pack(qpos, qvel), control, control_spec=CONTROL)[0]
+        return state[:, :, 1 : 1 + model.nq], state[:, :, 1 + model.nq : 1 + model.nq + model.nv]
+
+    def _rollout(self, model, signal, ctrl, force, qpos, qvel, laws):
+        control = np.concatenate([ctrl, force], 2)
+        return self._engine.rollout(model, self.data, self._pack(qpos, qvel), control, control_spec=CONTROL)[1]
+
+    def _lockstep(self, model, signal, ctrl, force, qpos, qvel, laws):
+        state = self._pack(qpos, qvel)
+        memory, sensed, before = {}, [], state
+        for k in range(ctrl.shape[1]):
+            # Half a step ahead, so that holding the force over the step is accurate to second order.
+            ahead = state + (state - before) / 2
+            seen = State(
+                model,
+                ahead[:, 1 : 1 + model.nq],
+                ahead[:, 1 + model.nq : 1 + model.nq + model.nv],
+                ctrl[:, k],
+                signal.time[:, k],
+                model.opt.timestep,
+                memory,
+            )
+            pull = force[:, k] + sum(law.effect.law(seen, law.site, **law.values) for law in laws)
+            control = np.concatenate([ctrl[:, k], pull], 1)[:, None]
+            after, sensor = self._engine.rollout(model, self.data, state, control, control_spec=CONTROL)
+            before, state = state, after[:, -1]
+            sensed.append(sensor[:, 0])
+        return np.stack(sensed, 1)
+
+    def _pack(self, qpos, qvel) -> np.ndarray:
+        rest = np.zeros((len(qpos), self.base.na))
+        return np.concatenate([np.zeros((len(qpos), 1)), qpos, qvel, rest], 1)
+
+    def _signal(self, windows: Windows, steps: int, period: float | None = None) -> Signal:
+        step = period or self.base.opt.timestep
+        time = windows.first[:, None] * self.recording.period + np.arange(steps) * step
+        index = (time / self.recording.period + 1e-9).astype(int)
+        ctrl = windows.ctrl[windows.runs[:, None], np.minimum(index, windows.ctrl.shape[1] - 1)]
+        return self.describe(time, ctrl)
+
+    def describe(self, time, ctrl) -> Signal:
+        model = self.base
+        gear = model.actuator_gear[:, 0] * model.actuator_gainprm[:, 0]
+        joints = tuple(_joint_of(model, name) for name in self.recording.channels)
+        driven = tuple(_driver(model, joint) for joint in joints)
+        actuators = tuple(model.actuator(i).name for i in range(model.nu))
+        return Signal(time, ctrl, self.recording.channels, actuators, ctrl * gear, joints, driven)
+
+    def _commands(self, hypothesis: Hypothesis, windows: Windows, signal: Signal) -> np.ndarray:
+        laws = [placed for placed in hypothesis.placed if placed.effect.enters == "command"]
+        if not laws:
+            return signal.ctrl
+        # Whole runs, because a window's first commands depend on those before it.
+        ctrl = np.repeat(windows.ctrl, self.substeps, 1)
+        time = np.broadcast_to(np.arange(ctrl.shape[1]) * self.base.opt.timestep, ctrl.shape[:2])
+        for placed in laws:
+            ctrl = placed.effect.law(ctrl, self.describe(time, ctrl), placed.site, **placed.values)
+        steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
+        return ctrl[windows.runs[:, None], steps]
+
+
+def _sensor_column(model: mujoco.MjModel, channel: str) -> int:
+    name, _, component = channel.removesuffix("]").partition("[")
+    return model.sensor(name).adr[0] + int(component or 0)
+
+
+def _joint_of(model: mujoco.MjModel, channel: str) -> str:
+    sensor = model.sensor(channel.partition("[")[0])
+    known = sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS
+    return model.joint(sensor.objid[0]).name if known else ""
+
+
+def _driver(model: mujoco.MjModel, joint: str) -> int:
+    if not joint:
+        return -1
+    drives = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
+        model.actuator_trnid[:, 0] == model.joint(joint).id
+    )
+    return int(np.argmax(drives)) if drives.any() else -1

@@ -1,0 +1,156 @@
+"""Plant an effect, expect its name; plant none, expect silence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted import NOISE, record
+
+from fimpact.effects import EFFECTS
+from fimpact.mismatch.calibrate import adjusted, adjusted_groups
+from fimpact.mismatch.diagnose import diagnose, to_json
+from fimpact.mismatch.discriminate import discriminate
+from fimpact.mismatch.judge import base_fit, bench, squares
+from fimpact.mismatch.name import Naming, name, refit
+from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.resolve import resolve
+from fimpact.mismatch.scales import scales
+from fimpact.mismatch.score import proposals, screen
+from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.starts import noise_level
+
+FRICTION = 0.004  # N m
+
+
+def hide_friction(model):
+    model.dof_frictionloss[1] = FRICTION
+
+
+@pytest.fixture(scope="module")
+def friction():
+    return diagnose(record(3, hide_friction))
+
+
+@pytest.fixture(scope="module")
+def nothing():
+    return diagnose(record(4))
+
+
+def few(*names):
+    return [EFFECTS[name] for name in names]
+
+
+def test_a_planted_effect_is_named_where_it_is(friction):
+    assert friction.answer == "coulomb@joint_2"
+    assert friction.naming.p < 0.01
+    assert "coulomb" in friction.verdict and "joint_2" in friction.verdict
+
+
+def test_its_interval_holds_the_truth_and_is_not_wide(friction):
+    row = next(r for r in to_json(friction)["parameters"] if r["of"] == "coulomb@joint_2")
+    assert row["low"] < FRICTION < row["high"]
+    assert row["high"] - row["low"] < 0.3 * FRICTION
+
+
+def test_held_out_runs_improve_to_the_noise_floor(friction):
+    evidence = friction.evidence
+    assert evidence.low > 0 and evidence.explained > 0.9
+    assert evidence.after == pytest.approx(evidence.noise_floor, rel=0.05)
+    assert abs(evidence.memory_after) < 0.05 < abs(evidence.memory_before)
+
+
+def test_the_joint_is_located_without_a_catalogue(friction):
+    assert friction.location.places[0].name == "joint_2"
+
+
+def test_silence_when_nothing_is_missing(nothing):
+    assert nothing.answer == "none"
+    assert nothing.evidence.improvement == pytest.approx(0.0, abs=1e-12)
+    assert nothing.evidence.before == pytest.approx(nothing.evidence.noise_floor, rel=0.05)
+
+
+def test_the_same_recording_gives_the_same_diagnosis(nothing):
+    assert to_json(diagnose(record(4))) == to_json(nothing)
+
+
+def test_the_time_step_is_not_called_physics():
+    """Without Richardson's offset the model's own integrator is found as an effect on data in which nothing hides."""
+    made = bench(record(5))
+    simulator = made.training.simulator
+    fitted, _ = base_fit(made, coordinates(simulator), Hypothesis(simulator.theta))
+    corrected = squares(fitted).sum()
+    made.training.offset[:] = 0.0
+    point = fitted.point
+    bare = made.training.evaluate(point.hypothesis, point.qpos, point.qvel, fitted.coordinates)
+    samples = np.isfinite(made.training.windows.measured).sum()
+    assert corrected == pytest.approx(samples, rel=0.1)
+    assert 2 * bare.cost > 2 * samples
+
+
+def test_one_shot_score_predicts_the_refit():
+    made = bench(record(3, hide_friction))
+    simulator = made.training.simulator
+    found = name(made, few("coulomb"), lambda line: None)
+    candidate = max(found.steps[0].screened, key=lambda c: c.gain)
+    refitted = refit(made, found.naive, candidate)
+    fall = squares(found.naive.fitted).sum() - squares(refitted.fitted).sum()
+    assert candidate.gain == pytest.approx(fall, rel=0.1)
+    assert candidate.start().values["friction"] == pytest.approx(FRICTION, rel=0.1)
+    assert candidate.concealment > 0.8
+    assert simulator.base.dof_frictionloss.max() == 0.0  # the naive model itself is never edited
+
+
+def test_an_effect_that_is_already_fitted_is_no_candidate():
+    made = bench(record(4))
+    simulator = made.training.simulator
+    fitted, _ = base_fit(made, coordinates(simulator), Hypothesis(simulator.theta))
+    sizes = scales(made.training, fitted.point)
+    tried = proposals(few("viscous"), made.training, sizes)
+    assert tried and not screen(made.training, fitted, tried)
+
+
+def test_a_force_outside_the_catalogue_is_not_given_a_name():
+    """A detent, sin(9 q), with only friction-like candidates to explain it."""
+
+    def hide(model):
+        model.jnt_stiffness[1] = 0.3  # a spring, and no spring among the candidates
+
+    found = name(bench(record(6, hide)), few("coulomb", "torque_bias"), lambda line: None)
+    assert found.answer == "unnamed"
+    assert found.nameless[1] < 0.01
+
+
+def test_flips_are_calibrated_under_the_null_and_notice_a_constant():
+    rng = np.random.default_rng(0)
+    p = [adjusted(rng.standard_t(3, (30, 12)), np.ones(12, bool), seed).min() for seed in range(200)]
+    assert 0.01 <= np.mean(np.array(p) <= 0.05) <= 0.1
+    grouped = [adjusted_groups([rng.standard_t(3, (30, 4)) for _ in range(6)], seed).min() for seed in range(200)]
+    assert 0.01 <= np.mean(np.array(grouped) <= 0.05) <= 0.1
+    shifted = rng.standard_normal((30, 12)) + 1.5 * (np.arange(12) == 7)
+    assert adjusted(shifted, np.ones(12, bool)).argmin() == 7
+    assert adjusted(shifted, np.ones(12, bool)).min() < 0.01
+
+
+def test_noise_is_read_from_the_data_not_from_a_model():
+    recording = record(3, hide_friction)
+    assert noise_level(recording) == pytest.approx([NOISE, NOISE], rel=0.1)
+    coarse = [replace(run, measured=np.round(run.measured / 0.01) * 0.01) for run in recording.runs]
+    assert noise_level(replace(recording, runs=tuple(coarse))) >= 0.01 / np.sqrt(12) * 0.999
+    known = replace(recording, noise=np.array([0.5, np.nan]))
+    assert noise_level(known)[0] == 0.5
+
+
+def test_a_designed_experiment_separates_more_than_random_ones(friction):
+    naming: Naming = friction.naming
+    rivals = [naming.best, naming.steps[0].rivals[1]]
+    found = discriminate(friction.bench, friction.recording, rivals)
+    assert found.separation > 2 * found.random > 0
+    limits = np.concatenate([run.ctrl for run in friction.recording.training])
+    assert (found.ctrl >= limits.min(0) - 1e-9).all() and (found.ctrl <= limits.max(0) + 1e-9).all()
+
+
+def test_a_further_run_resolves_rivals(friction):
+    naming, recording = friction.naming, friction.recording
+    rivals = [{p.name: p.values for p in e.placed} for e in (naming.steps[0].rivals[1], naming.best)]
+    found = resolve(recording, record(3, hide_friction).held_out[:1], rivals)
+    assert found[0].name == "coulomb@joint_2" and found[0].weight > 0.99

@@ -1,0 +1,131 @@
+"""The page stands alone, says what was found, is the same each time, and is never half written."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from test_model import diagnosis_of, record
+
+from fimpact import report
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.mismatch.diagnose import Diagnosis
+from fimpact.mismatch.locate import locate
+from fimpact.mismatch.name import Naming, Step
+from fimpact.mismatch.pulses import pulses
+from fimpact.report import describe_inputs, pair, short, to_text, words, write_report
+
+
+def diagnosed(*placed: Placed) -> Diagnosis:
+    found = diagnosis_of(record(0.02), *placed)
+    problem, naming = found.bench.training, found.naming
+    kept = pulses(problem, naming.naive.fitted)
+    steps = [Step([], np.zeros(0), [naming.best] if placed else [])]
+    members = [naming.best] if placed else []
+    named = Naming(naming.naive, steps, naming.best, members, 0.01, (0.001, 0.5), 1.0, kept)
+    location = locate(problem, naming.naive.fitted, kept)
+    verdict = "Missing: dry friction." if placed else "Nothing is missing that these recordings can show."
+    return Diagnosis(found.recording, found.bench, named, location, found.evidence, verdict)
+
+
+@pytest.fixture(scope="module")
+def diagnosis() -> Diagnosis:
+    return diagnosed(Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.015}))
+
+
+@pytest.fixture(scope="module")
+def written(diagnosis, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report") / "pendulum"
+    write_report(diagnosis, folder, provenance={"inputs": {"log.csv": "0" * 64}})
+    return folder
+
+
+def test_the_folder_holds_page_data_figures_and_model(written):
+    assert {p.name for p in written.iterdir()} == {"report.html", "diagnosis.json", "figures", "improved.xml"}
+    names = {p.name for p in (written / "figures").iterdir()}
+    assert names == {
+        f"{n}.{s}" for n in ("overlay", "mechanism", "timeline", "state", "candidates") for s in ("svg", "png")
+    }
+    assert [p.name for p in written.parent.iterdir()] == [written.name]
+
+
+def test_the_page_needs_no_network_and_no_script(written):
+    page = (written / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"https?://|//cdn|<script|<link|@import|\bsrc=\"(?!data:)", page)
+    assert page.count("<svg") == 5
+    assert "prefers-color-scheme: dark" in page
+    ids = re.findall(r'\bid="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r'(?:href="#|url\(#)([^")]+)', page)) <= set(ids)
+
+
+def test_the_page_says_what_was_found(written, diagnosis):
+    page = (written / "report.html").read_text(encoding="utf-8")
+    for text in (
+        "Missing: dry friction.",
+        EFFECTS["coulomb"].sentence,
+        "noise floor",
+        "log.csv",
+        "0" * 64,
+        "improved.xml",
+    ):
+        assert text.lower() in page.lower()
+    data = json.loads((written / "diagnosis.json").read_text(encoding="utf-8"))
+    assert data["model"]["files"] == ["improved.xml"]
+    assert data["model"]["difference"] < 0.02
+    assert data["provenance"]["inputs"] == {"log.csv": "0" * 64}
+
+
+def test_the_same_diagnosis_gives_the_same_bytes(written, diagnosis, tmp_path):
+    write_report(diagnosis, tmp_path / "again", provenance={"inputs": {"log.csv": "0" * 64}})
+    for name in ("diagnosis.json", "report.html", "improved.xml", "figures/state.svg"):
+        assert (tmp_path / "again" / name).read_bytes() == (written / name).read_bytes()
+
+
+def test_a_failure_leaves_the_earlier_report_and_nothing_else(written, diagnosis, monkeypatch):
+    before = (written / "report.html").read_bytes()
+
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(report, "pictures", fail)
+    for folder in (written, written.with_name("new")):
+        with pytest.raises(OSError, match="disk full"):
+            write_report(diagnosis, folder, provenance={})
+    assert [p.name for p in written.parent.iterdir()] == [written.name]
+    assert (written / "report.html").read_bytes() == before
+
+
+def test_other_peoples_files_are_not_replaced(diagnosis, tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(FileExistsError, match=r"thesis\.tex"):
+        write_report(diagnosis, tmp_path, provenance={})
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_nothing_missing_is_a_page_too(tmp_path):
+    page = write_report(diagnosed(), tmp_path / "none", provenance={}).read_text(encoding="utf-8")
+    assert "Nothing is missing" in page
+    assert "No model is exported: no effect was added." in page
+    assert not (tmp_path / "none" / "improved.xml").exists()
+
+
+def test_numbers_are_written_for_readers():
+    assert [short(x) for x in (0.012345, -2.0, 1.5e-7, None, np.nan)] == ["0.0123", "−2", "1.5×10⁻⁷", "–", "–"]
+    assert pair(0.020123, 0.00192) == "0.0201 ± 0.0019"
+    assert pair(2.5e-4, 5.7e-4) == "(2.5 ± 5.7)×10⁻⁴"
+    assert words("coulomb@joint_2+sensor_bias@q1") == "coulomb at joint_2 and sensor bias at q1"
+
+
+def test_json_is_sorted_rounded_and_without_nan():
+    text = to_text({"b": np.float64(1 / 3), "a": (np.nan, np.int64(2), True, None)})
+    assert json.loads(text) == {"a": [None, 2, True, None], "b": 0.3333333333}
+    assert text.index('"a"') < text.index('"b"')
+
+
+def test_inputs_are_named_by_their_hash(tmp_path):
+    (tmp_path / "log.csv").write_bytes(b"")
+    found = describe_inputs([tmp_path / "log.csv"])
+    assert found["inputs"]["log.csv"].startswith("e3b0c44298fc1c14")
+    assert set(found["versions"]) >= {"python", "mujoco", "numpy", "fimpact"}
