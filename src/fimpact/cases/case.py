@@ -1,0 +1,165 @@
+"""A case file read whole: the one entry point between a user's files and the mismatch stages."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from fimpact.cases import kinds
+from fimpact.cases import start as starts
+from fimpact.cases.channels import Channel, channels, commands, place_sensors
+from fimpact.cases.checks import check_recording, check_sources
+from fimpact.cases.errors import CaseError, listed
+from fimpact.cases.load import load
+from fimpact.cases.model import Naive, compiled, read_model
+from fimpact.cases.runs import Sampled, file_paths, filtered_noise, held_commands, pieces, sample, sources
+from fimpact.cases.units import factor
+from fimpact.recordings import FIELDS, Recording, Run, Unknown
+
+
+def read_case(path: str | Path, data_root: str | Path | None = None) -> Recording:
+    """Read, convert, put on one time base and judge everything that a case names.
+
+    Args:
+        path: the case, a YAML file as config/recordings/README.md explains it.
+        data_root: folder of the data files; None: the `data` of the case, or the folder of the case.
+
+    Returns:
+        The recording: SI units and radians, one uniform time base, NaN where nothing was measured.
+
+    Raises:
+        CaseError: anything wrong, in one line: what, what was got, what is allowed, what to do.
+    """
+    path = Path(path)
+    case = load(path)
+    naive = read_model(Path(case["model"]))
+    place_sensors(naive, case["measurements"])
+    naive = replace(naive, model=compiled(naive.tree, naive.path))
+    sampled, drives, seen = _sampled(case, naive, _root(case, path, data_root))
+    period = _period(case, naive, sampled)
+    recording = _recording(case, naive, seen, drives, sampled, period)
+    check_recording(recording, naive.model, seen, set(case.get("accept", [])))
+    return recording
+
+
+def inputs(path: str | Path, data_root: str | Path | None = None) -> list[Path]:
+    """Files that a case reads besides itself: its MJCF, then its data, each once.
+
+    Raises:
+        CaseError: the case is not valid; whether the files exist is not looked at.
+    """
+    case = load(Path(path))
+    root = _root(case, Path(path), data_root)
+    return list(dict.fromkeys([Path(case["model"]), *(f for run in case["runs"] for f in file_paths(run, root))]))
+
+
+def _root(case: dict, path: Path, data_root: str | Path | None) -> Path:
+    return Path(data_root) if data_root is not None else Path(case.get("data", path.parent))
+
+
+def _sampled(case: dict, naive: Naive, root: Path):
+    time = case["time"]
+    if ("rate" in time) == ("column" in time):
+        raise CaseError(f"time has {' and '.join(sorted(time)) or 'nothing'}; allowed: column and unit, or rate (Hz)")
+    if "column" in time and "unit" not in time:
+        raise CaseError("time.unit is missing; declare the unit of the time column, such as s, ms or ns")
+    unit = factor(time.get("unit", "s"), "s", "time")
+    drives, seen = commands(naive, case.get("commands", {})), channels(naive.model, case["measurements"])
+    runs = sources(case, root)
+    check_sources(runs)
+    return [sample(run, time, case.get("nan", "error"), drives, seen, unit) for run in runs], drives, seen
+
+
+def _period(case: dict, naive: Naive, sampled: list[Sampled]) -> float:
+    """The period of the grid, s: as declared, or that of the fastest channel; a whole number of simulation steps."""
+    fastest = float(np.median([min(one.period for one in run.measured if one) for run in sampled]))
+    wanted = 1 / case["rate"] if "rate" in case else fastest
+    if wanted < 0.9 * fastest:
+        raise CaseError(
+            f"rate is {case['rate']} Hz, but the samples come at {1 / fastest:.5g} Hz; allowed: up to that; lower it"
+        )
+    steps = int(np.ceil(wanted / naive.model.opt.timestep - 1e-3))
+    return steps * float(f"{wanted / steps:.6g}")
+
+
+def _recording(
+    case: dict, naive: Naive, seen: list[Channel], drives, sampled: list[Sampled], period: float
+) -> Recording:
+    steps = int(np.ceil(period / naive.model.opt.timestep - 1e-3))
+    naive.tree.append(_option(period / steps))
+    names = tuple(name for channel in seen for name in channel.names)
+    noise = np.array([channel.noise for channel in seen for _ in channel.columns])
+    filtered = [filtered_noise(sampled, column, one, period) for column, one in enumerate(noise)]
+    start = starts.checked(naive.model, case.get("start", {}), "start")
+    return Recording(
+        xml=naive.text(),
+        folder=str(naive.path.resolve().parent),
+        period=period,
+        channels=names,
+        runs=tuple(run for one in sampled for run in _runs(one, naive.model, seen, drives, period, start)),
+        unknowns=_unknowns(naive, case.get("unknowns", [])),
+        noise=np.array(filtered),
+        start_sd=starts.prior(naive.model, start),
+        window=float(case.get("window", 0.0)),
+    )
+
+
+def _option(timestep: float):
+    from xml.etree import ElementTree
+
+    return ElementTree.Element("option", {"timestep": f"{timestep!r}"})
+
+
+def _runs(sampled: Sampled, model: mujoco.MjModel, seen, drives, period: float, start: dict):
+    state = start | starts.checked(model, sampled.source.state, f"{sampled.source.where}.state")
+    for name, low, count, measured in pieces(sampled, period):
+        measured = _unit_quaternions(measured, seen, sampled.source.where)
+        ctrl = held_commands(sampled, drives, low, period, count)
+        qpos, qvel = starts.believed(model, seen, measured, period, state)
+        yield Run(name, ctrl, measured, sampled.source.held_out, qpos, qvel)
+
+
+def _unit_quaternions(measured: np.ndarray, seen: list[Channel], where: str) -> np.ndarray:
+    """Quaternions of length 1 and without jumps of sign, which mean nothing but look like motion."""
+    column, out = 0, measured.copy()
+    for channel in seen:
+        place = slice(column, column + len(channel.columns))
+        column = place.stop
+        if channel.type in (kinds.FRAMEQUAT, kinds.BALLQUAT):
+            out[:, place] = _continuous(out[:, place], f"{where}, '{channel.sensor}'")
+    return out
+
+
+def _continuous(quats: np.ndarray, where: str) -> np.ndarray:
+    known = np.flatnonzero(np.isfinite(quats).all(axis=1))
+    length = np.linalg.norm(quats[known], axis=1)
+    if np.any(np.abs(np.median(length) - 1) > 0.02):
+        raise CaseError(f"{where}: quaternions have length {np.median(length):.4g}, not 1; list the columns w, x, y, z")
+    unit = quats[known] / np.maximum(length, 1e-9)[:, None]
+    flips = np.sum(unit[1:] * unit[:-1], axis=1) < 0
+    signs = np.concatenate([[1.0], np.cumprod(np.where(flips, -1.0, 1.0))])
+    out = quats.copy()
+    out[known] = unit * signs[: len(unit), None]
+    return out
+
+
+def _unknowns(naive: Naive, table: list[dict]) -> tuple[Unknown, ...]:
+    out = tuple(Unknown(one["field"], one["site"], float(one.get("sd", np.inf))) for one in table)
+    for index, one in enumerate(out):
+        where = f"unknowns[{index}]"
+        if one.field not in FIELDS:
+            raise CaseError(f"{where}.field '{one.field}' does not exist; {listed(FIELDS, one.field)}; correct it")
+        try:
+            FIELDS[one.field][2][0](naive.model, one.site)
+        except (KeyError, IndexError, AttributeError) as error:
+            raise CaseError(
+                f"{where}: {one.field} has no site '{one.site}' ({_short(error)}); correct `site`"
+            ) from None
+        if one.name in [other.name for other in out[:index]]:
+            raise CaseError(f"{where}: {one.name} is there twice; remove one of them")
+    return out
+
+
+def _short(error: Exception) -> str:
+    return str(error.args[0] if error.args else error).rstrip(".")

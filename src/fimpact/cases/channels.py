@@ -1,0 +1,229 @@
+"""Measured channels and commands: the MJCF sensor or actuator of each column, and its factor to SI units."""
+
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from fimpact.cases import kinds
+from fimpact.cases.errors import CaseError, listed, one_of
+from fimpact.cases.model import Naive, body_element, joint_of
+from fimpact.cases.units import factor, same_dimension
+
+UNITS = {
+    kinds.FRAMEPOS: "m",
+    kinds.FRAMEQUAT: "1",
+    kinds.BALLQUAT: "1",
+    kinds.FRAMELINVEL: "m/s",
+    kinds.FRAMEANGVEL: "rad/s",
+    kinds.VELOCIMETER: "m/s",
+    kinds.GYRO: "rad/s",
+    kinds.ACCELEROMETER: "m/s^2",
+    kinds.FORCE: "N",
+    kinds.TORQUE: "N m",
+    kinds.TOUCH: "N",
+}
+FRAME = {
+    "position": "framepos",
+    "orientation": "framequat",
+    "velocity": "framelinvel",
+    "angular_velocity": "frameangvel",
+    "acceleration": "accelerometer",
+    "rotation_rate": "gyro",
+    "force": "force",
+    "torque": "torque",
+}
+AT_SITE = ("accelerometer", "gyro", "force", "torque")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One sensor of the model and its columns.
+
+    columns: one per component. factor, offset: SI value = (number + offset) factor. noise: sd in SI, NaN where
+    unknown. time: its own time column or None. type: of the sensor. joint: whose position or speed it is, or "".
+    """
+
+    sensor: str
+    columns: tuple[str | int, ...]
+    factor: float
+    offset: float
+    noise: float
+    time: str | int | None
+    type: int
+    joint: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its components, as `Recording.channels` has them."""
+        return component_names(self.sensor, len(self.columns))
+
+
+@dataclass(frozen=True)
+class Command:
+    """One actuator and its column. steps: held between samples, as a command is; False for a measured torque."""
+
+    actuator: str
+    column: str | int
+    factor: float
+    offset: float
+    time: str | int | None
+    steps: bool
+
+
+def component_names(sensor: str, dim: int) -> tuple[str, ...]:
+    """A sensor's name, or that of each component of a vector sensor."""
+    return (sensor,) if dim == 1 else tuple(f"{sensor}[{i}]" for i in range(dim))
+
+
+def place_sensors(naive: Naive, measurements: dict) -> None:
+    """Add to the tree of `naive` the sensors that `measurements` name and the MJCF lacks.
+
+    Raises:
+        CaseError: a name that the MJCF does not have, or a quantity that the object has not.
+    """
+    block = ElementTree.SubElement(naive.tree, "sensor")
+    for key, entry in measurements.items():
+        where, described = f"measurements.{key}", [kind for kind in ("joint", "body", "site") if kind in entry]
+        if key in naive.names("sensor"):
+            if described or "quantity" in entry:
+                raise CaseError(
+                    f"{where} is a sensor of the MJCF, which says what it measures; remove "
+                    f"{' and '.join([*described, *({'quantity'} & set(entry))])}, or choose another name"
+                )
+            continue
+        if not described and key not in naive.names("joint"):
+            raise CaseError(
+                f"{where} is no sensor or joint of {naive.path.name}; "
+                f"{listed([*naive.names('sensor'), *naive.names('joint')], key)}; "
+                "correct the name, or add `joint:`, `body:` or `site:`"
+            )
+        if len(described) > 1:
+            raise CaseError(
+                f"{where} has {' and '.join(described)}; allowed: one of joint, body, site; remove the rest"
+            )
+        _add(naive, block, key, entry, where)
+
+
+def _add(naive: Naive, block: ElementTree.Element, key: str, entry: dict, where: str) -> None:
+    if "body" in entry or "site" in entry:
+        kind = "body" if "body" in entry else "site"
+        return _add_frame(naive, block, key, kind, entry[kind], entry.get("quantity"), where)
+    joint, type_ = joint_of(naive, entry.get("joint", key), where)
+    if type_ == kinds.FREE:
+        body = naive.model.body(naive.model.joint(joint).bodyid[0]).name
+        return _add_frame(naive, block, key, "body", body, entry.get("quantity"), where)
+    if type_ == kinds.BALL:
+        raise CaseError(f"{where}: '{joint}' is a ball joint; allowed: hinge, slide, free; measure its body instead")
+    quantity = entry.get("quantity") or _by_unit(entry["unit"], where)
+    if quantity not in ("position", "velocity"):
+        raise CaseError(f"{where}.quantity is '{quantity}'; a joint has position or velocity; correct it")
+    ElementTree.SubElement(block, "joint" + quantity[:3], {"name": key, "joint": joint})
+    return None
+
+
+def _by_unit(unit: str, where: str) -> str:
+    for wanted, quantity in (("rad", "position"), ("m", "position"), ("rad/s", "velocity"), ("m/s", "velocity")):
+        if same_dimension(unit, wanted):
+            return quantity
+    factor(unit, None, where)
+    raise CaseError(
+        f"{where}: from the unit '{unit}' it is not clear what is measured; add quantity: position or velocity"
+    )
+
+
+def _add_frame(naive: Naive, block, key: str, kind: str, name: str, quantity: str | None, where: str) -> None:
+    one_of(naive.names(kind), name, kind, where)
+    if quantity is None:
+        raise CaseError(f"{where}.quantity is missing; {listed(FRAME, '')}; add it")
+    tag = FRAME[quantity]
+    if tag not in AT_SITE:
+        objtype = "xbody" if kind == "body" else "site"
+        ElementTree.SubElement(block, tag, {"name": key, "objtype": objtype, "objname": name})
+        return
+    if kind == "body":
+        ElementTree.SubElement(body_element(naive, name, where), "site", {"name": f"{key} site"})
+        name = f"{key} site"
+    ElementTree.SubElement(block, tag, {"name": key, "site": name})
+
+
+def channels(model: mujoco.MjModel, measurements: dict) -> list[Channel]:
+    """Every measurement with its sensor in the model, which has them all by now."""
+    return [_channel(model, key, entry, f"measurements.{key}") for key, entry in measurements.items()]
+
+
+def _channel(model: mujoco.MjModel, key: str, entry: dict, where: str) -> Channel:
+    sensor = model.sensor(key)
+    columns = [entry["column"]] if "column" in entry else entry.get("columns", [])
+    if len(columns) != sensor.dim[0] or ("column" in entry and "columns" in entry):
+        raise CaseError(
+            f"{where} has {len(columns)} columns, but its sensor has {sensor.dim[0]} components; "
+            f"give {'`column`' if sensor.dim[0] == 1 else '`columns`, a list of as many'}"
+        )
+    type_ = int(sensor.type[0])
+    unit, joint = _sensor_unit(model, sensor, type_)
+    scale = entry.get("scale", 1.0) * factor(entry["unit"], unit, where, entry.get("gain"), entry.get("counts_per_rev"))
+    if not scale:
+        raise CaseError(f"{where}.scale is 0; allowed: any other number, such as -1 for a reversed axis; correct it")
+    noise = abs(scale) * entry.get("noise", np.nan)
+    offset = entry.get("offset", 0.0)
+    return Channel(key, tuple(columns), scale, offset, noise, entry.get("time"), type_, joint)
+
+
+def _sensor_unit(model: mujoco.MjModel, sensor, type_: int) -> tuple[str | None, str]:
+    if type_ in (kinds.JOINTPOS, kinds.JOINTVEL):
+        joint = model.joint(sensor.objid[0])
+        length = "m" if joint.type[0] == kinds.SLIDE else "rad"
+        return (length if type_ == kinds.JOINTPOS else f"{length}/s"), joint.name
+    return UNITS.get(type_), ""
+
+
+def commands(naive: Naive, table: dict) -> list[Command]:
+    """Every actuator's command, in the order of the MJCF.
+
+    Raises:
+        CaseError: a name that is no actuator, an actuator without a command, or units that do not fit.
+    """
+    names = naive.names("actuator")
+    for key in table:
+        one_of(names, key, "actuator", f"commands.{key}")
+    if len(names) < naive.model.nu:
+        raise CaseError(f"MJCF {naive.path} has an actuator without a name; name every actuator")
+    lacking = [name for name in names if name not in table]
+    if lacking:
+        raise CaseError(
+            f"commands.{lacking[0]} is missing: the MJCF has this actuator; add its column, or remove the actuator"
+        )
+    return [_command(naive.model, name, table[name], f"commands.{name}") for name in names]
+
+
+def _command(model: mujoco.MjModel, name: str, entry: dict, where: str) -> Command:
+    wanted = entry.get("ctrl_unit") or ctrl_unit(model, name)
+    if wanted is None:
+        raise CaseError(f"{where}.ctrl_unit is missing: the MJCF does not tell the unit of this actuator; add it")
+    meaning, geared = entry.get("meaning", "command"), float(model.actuator(name).gear[0]) not in (1.0, -1.0)
+    if meaning == "motor" and "ratio" not in entry and not geared:
+        raise CaseError(f"{where}.ratio is missing: the torque is of the motor, before its gear; add the gear ratio")
+    if meaning != "motor" and "ratio" in entry:
+        raise CaseError(f"{where}.ratio is for meaning: motor, but meaning is {meaning}; remove it or correct meaning")
+    scale = entry.get("scale", 1.0) * entry.get("ratio", 1.0) * factor(entry["unit"], wanted, where, entry.get("gain"))
+    if not scale:
+        raise CaseError(f"{where}.scale is 0; allowed: any other number, such as -1 for a reversed axis; correct it")
+    return Command(name, entry["column"], scale, entry.get("offset", 0.0), entry.get("time"), meaning == "command")
+
+
+def ctrl_unit(model: mujoco.MjModel, name: str) -> str | None:
+    """Unit of an actuator's control as its MJCF implies, or None where it does not."""
+    actuator = model.actuator(name)
+    if actuator.trntype[0] not in kinds.AT_JOINT:
+        return None
+    slide = model.joint(actuator.trnid[0]).type[0] == kinds.SLIDE
+    gain, bias = actuator.gainprm[0], actuator.biasprm
+    if actuator.biastype[0] == kinds.NO_BIAS:
+        return "N" if slide else "N m"
+    if gain and gain == -bias[1]:
+        return "m" if slide else "rad"
+    if gain and gain == -bias[2]:
+        return "m/s" if slide else "rad/s"
+    return None

@@ -1,0 +1,188 @@
+"""Whether a recording can be what it says it is: each doubt is one line that names the likely cause."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from fimpact.cases import kinds
+from fimpact.cases.channels import Channel
+from fimpact.cases.errors import CaseError
+from fimpact.cases.physics import Motion, derivative, doubts
+from fimpact.cases.runs import FEWEST, Source
+from fimpact.recordings import Recording
+
+DEGREES, THOUSAND = 180 / np.pi, 1000.0
+LIKE = 1.25  # a factor within this of a known one is taken for it
+FAR = 1.3  # the speed may be this much off the derivative of the position before it is doubted
+KNOWN = (  # derivative of the position over the speed, and what it tells
+    (DEGREES, "the position is in degrees but declared as radians"),
+    (
+        1 / DEGREES,
+        "the position is in radians but declared as degrees, or the speed in degrees but declared as radians",
+    ),
+    (THOUSAND, "a unit is wrong by 1000: the position is too large, or the speed or the time too small"),
+    (1 / THOUSAND, "a unit is wrong by 1000: the position is too small, or the speed or the time too large"),
+    (1 / (2 * np.pi), "the position is in revolutions but declared as radians"),
+    (np.pi / 30, "the speed is in rpm but declared as rad/s"),
+    (-1.0, "one of them has the wrong sign: use `scale: -1`"),
+)
+
+
+def check_sources(runs: list[Source]) -> None:
+    """Judge the runs before they are sampled.
+
+    Raises:
+        CaseError: nothing to train on or to hold out, or rows that are in both.
+    """
+    training, held = [run for run in runs if not run.held_out], [run for run in runs if run.held_out]
+    if not training:
+        raise CaseError(f"runs: all {len(runs)} runs are held out; allowed: at least one to fit; remove a `held_out`")
+    if not held:
+        raise CaseError(
+            f"runs: none of {len(runs)} runs is held out; only held-out runs can judge a model; "
+            "write `held_out: true` on at least one"
+        )
+    for one in held:
+        for other in training:
+            if one.origin == other.origin and one.start < other.stop and other.start < one.stop:
+                raise CaseError(
+                    f"held-out run '{one.name}' and training run '{other.name}' are the same rows of "
+                    f"{one.origin[0][0]}; allowed: other runs, or `start` and `stop` that do not overlap"
+                )
+
+
+def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Channel], accept: set[str]) -> None:
+    """Judge a recording on its grid.
+
+    Args:
+        model: compiled naive model. seen: its channels. accept: doubts that the case says are meant.
+
+    Raises:
+        CaseError: the first thing that cannot be right.
+    """
+    for check in (_lengths, _same_runs):
+        for complaint in check(recording):
+            raise CaseError(complaint)
+    for check in (_still, _ranges, _speeds, _dynamics):
+        for doubt, complaint in check(recording, model, seen):
+            if doubt not in accept:
+                raise CaseError(f"{complaint}; if it is meant, write `accept: [{doubt}]`")
+
+
+def _lengths(recording: Recording) -> Iterator[str]:
+    least = max(FEWEST, round(recording.window / recording.period) + 1)
+    for run in recording.runs:
+        if len(run.measured) < least:
+            yield (
+                f"run '{run.name}' has {len(run.measured)} samples of {recording.period:.6g} s, "
+                f"{len(run.measured) * recording.period:.4g} s in all; allowed: {least} or more "
+                f"(window {recording.window:g} s); remove it, or make the window shorter"
+            )
+
+
+def _same_runs(recording: Recording) -> Iterator[str]:
+    seen: dict[bytes, str] = {}
+    for run in recording.training:
+        seen[run.measured.tobytes()] = run.name
+    for run in recording.held_out:
+        if run.measured.tobytes() in seen:
+            yield (
+                f"held-out run '{run.name}' and training run '{seen[run.measured.tobytes()]}' hold the same numbers; "
+                "a copy judges nothing; hold out another recording"
+            )
+
+
+def _still(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    for channel in seen:
+        values = np.column_stack([_values(recording, name) for name in channel.names])
+        known = values[np.isfinite(values).all(axis=1)]
+        if not known.any():
+            what = "0" if len(known) else "absent"
+            yield "silent", f"'{channel.sensor}' is {what} in every run: a silent sensor; correct its column"
+        elif not np.ptp(known, axis=0).any():
+            yield "constant", f"'{channel.sensor}' is constant, {known[0, 0]:.6g} in every run; correct its column"
+    ctrl = np.concatenate([run.ctrl for run in recording.runs])
+    for actuator, values in enumerate(ctrl.T):
+        if np.ptp(values) == 0:
+            name = model.actuator(actuator).name
+            yield "constant", f"the command of '{name}' is constant, {values[0]:.6g} in every run; correct its column"
+
+
+def _ranges(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    for channel in seen:
+        joint = model.joint(channel.joint) if channel.type == kinds.JOINTPOS else None
+        if joint is not None and model.jnt_limited[joint.id]:
+            values = _values(recording, channel.sensor)
+            units = DEGREES if joint.type[0] == kinds.HINGE else THOUSAND
+            yield from _outside(f"'{channel.sensor}'", values, joint.range, units, "the joint's range")
+    for actuator in np.flatnonzero(model.actuator_ctrllimited):
+        values = np.concatenate([run.ctrl[:, actuator] for run in recording.runs])
+        what = f"the command of '{model.actuator(actuator).name}'"
+        yield from _outside(what, values, model.actuator_ctrlrange[actuator], THOUSAND, "the actuator's range")
+
+
+def _outside(what: str, values: np.ndarray, limits, units: float, which: str) -> Iterator[tuple[str, str]]:
+    slack = 0.1 * (limits[1] - limits[0])
+    low, high = np.nanmin(values), np.nanmax(values)
+    if low >= limits[0] - slack and high <= limits[1] + slack:
+        return
+    got = f"{what} goes from {low:.4g} to {high:.4g}, but {which} is {limits[0]:.4g} to {limits[1]:.4g}"
+    fits = low / units >= limits[0] - slack and high / units <= limits[1] + slack
+    if fits and high - low > 0.05 * units * (limits[1] - limits[0]):
+        cause = "it is in degrees but declared as radians" if units == DEGREES else "its unit is wrong by 1000"
+        yield "units", f"{got}: {cause}; correct its unit"
+    else:
+        yield "range", f"{got}; correct the unit or column, or the range in the MJCF"
+
+
+def _values(recording: Recording, name: str) -> np.ndarray:
+    column = recording.channels.index(name)
+    return np.concatenate([run.measured[:, column] for run in recording.runs])
+
+
+def _speeds(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    """The speed of each joint against the derivative of its position, and against those of the other joints."""
+    position = {c.joint: c.sensor for c in seen if c.type == kinds.JOINTPOS}
+    speed = {c.joint: c.sensor for c in seen if c.type == kinds.JOINTVEL}
+    rates = {joint: _derivatives(recording, name) for joint, name in position.items()}
+    for joint in speed.keys() & position.keys():
+        measured = _values(recording, speed[joint])
+        ratio, alike = _compared(rates[joint], measured)
+        better = [o for o in position if o != joint and _compared(rates[o], measured)[1] > max(0.9, alike + 0.2)]
+        if alike < 0.8 and better:
+            yield (
+                "swapped",
+                f"'{speed[joint]}' is not the derivative of '{position[joint]}' (correlation {alike:.2f}) but of "
+                f"'{position[better[0]]}': columns are swapped; exchange them",
+            )
+        if alike > 0.8 and not 1 / FAR < ratio < FAR:
+            yield _factor_doubt(position[joint], speed[joint], ratio)
+
+
+def _factor_doubt(position: str, speed: str, ratio: float) -> tuple[str, str]:
+    near = [cause for known, cause in KNOWN if ratio / known > 0 and 1 / LIKE < ratio / known < LIKE]
+    got = f"the derivative of '{position}' is {ratio:.4g} times '{speed}'"
+    cause = near[0] if near else "their units cannot both be right"
+    return ("sign" if near and ratio < 0 else "units"), f"{got}; it must be 1: {cause}; correct the unit"
+
+
+def _derivatives(recording: Recording, name: str) -> np.ndarray:
+    column = recording.channels.index(name)
+    return np.concatenate([derivative(run.measured[:, column], recording.period, 1) for run in recording.runs])
+
+
+def _compared(rate: np.ndarray, speed: np.ndarray) -> tuple[float, float]:
+    """By what `speed` must be multiplied to give `rate` (their rms ratio with a sign), and |correlation|."""
+    known = np.isfinite(rate) & np.isfinite(speed)
+    x, y = speed[known], rate[known]
+    power = np.sqrt((x @ x) * (y @ y)) if known.sum() > FEWEST else 0.0
+    if power <= 0:
+        return 1.0, 0.0
+    return float(np.sign(x @ y) * np.sqrt((y @ y) / (x @ x))), float(abs(x @ y) / power)
+
+
+def _dynamics(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    motion = Motion.of(recording, model, seen)
+    if motion is not None:
+        yield from doubts(motion)

@@ -1,0 +1,18 @@
+"""MuJoCo's enumerations as numbers: ``numpy.int32(0) in (mjtTrn.mjTRN_JOINT,)`` is False, although they are equal."""
+
+import mujoco
+
+
+def _numbers(enum, names: str) -> list[int]:
+    return [int(getattr(enum, name)) for name in names.split()]
+
+
+FREE, BALL, SLIDE, HINGE = _numbers(mujoco.mjtJoint, "mjJNT_FREE mjJNT_BALL mjJNT_SLIDE mjJNT_HINGE")
+JOINTPOS, JOINTVEL = _numbers(mujoco.mjtSensor, "mjSENS_JOINTPOS mjSENS_JOINTVEL")
+FRAMEPOS, FRAMEQUAT, BALLQUAT = _numbers(mujoco.mjtSensor, "mjSENS_FRAMEPOS mjSENS_FRAMEQUAT mjSENS_BALLQUAT")
+FRAMELINVEL, FRAMEANGVEL = _numbers(mujoco.mjtSensor, "mjSENS_FRAMELINVEL mjSENS_FRAMEANGVEL")
+VELOCIMETER, GYRO, ACCELEROMETER = _numbers(mujoco.mjtSensor, "mjSENS_VELOCIMETER mjSENS_GYRO mjSENS_ACCELEROMETER")
+FORCE, TORQUE, TOUCH = _numbers(mujoco.mjtSensor, "mjSENS_FORCE mjSENS_TORQUE mjSENS_TOUCH")
+AT_JOINT = _numbers(mujoco.mjtTrn, "mjTRN_JOINT mjTRN_JOINTINPARENT")
+(NO_BIAS,) = _numbers(mujoco.mjtBias, "mjBIAS_NONE")
+(XBODY,) = _numbers(mujoco.mjtObj, "mjOBJ_XBODY")

@@ -1,0 +1,92 @@
+"""The case file itself: YAML, what it extends, and its schema."""
+
+from functools import cache
+from math import isfinite
+from pathlib import Path
+
+import yaml
+from jsonschema import Draft202012Validator
+
+from fimpact.cases.errors import CaseError, reason
+from fimpact.complaints import in_words, most_telling, name
+
+SCHEMA = Path(__file__).with_name("schema.yaml")
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe YAML in which a key that is given twice is an error, not a silent replacement."""
+
+
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict:
+    keys = [str(loader.construct_object(key, deep=True)) for key, _ in node.value]
+    twice = [key for index, key in enumerate(keys) if key in keys[:index] and key != "<<"]
+    if twice:
+        raise yaml.YAMLError(f"the key '{twice[0]}' is given twice in line {node.start_mark.line + 1}")
+    loader.flatten_mapping(node)
+    return {str(key): value for key, value in loader.construct_mapping(node, deep=True).items()}
+
+
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+@cache
+def _schema() -> dict:
+    return yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+
+
+def load(path: Path) -> dict:
+    """The tables of a case, with `extends` resolved and paths made absolute, checked against the schema.
+
+    Raises:
+        CaseError: not a file, not YAML, or a key or value that the schema does not allow.
+    """
+    case = _read(Path(path), ())
+    error = most_telling(Draft202012Validator(_schema()).iter_errors(case))
+    complaint = in_words(error) if error else _not_finite(case)
+    if complaint:
+        raise CaseError(f"{path}: {complaint} (all keys: config/recordings/README.md)")
+    return case
+
+
+def _read(path: Path, seen: tuple[Path, ...]) -> dict:
+    if not path.is_file():
+        raise CaseError(f"case {path} does not exist; correct the path, or write one with `fimpact init`")
+    if path.resolve() in seen:
+        raise CaseError(f"{path}: `extends` comes back to this file; remove it from one of them")
+    try:
+        case = yaml.load(path.read_text(encoding="utf-8"), _Loader)
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise CaseError(f"{path} is not YAML: {reason(error)}; correct it") from None
+    if not isinstance(case, dict):
+        raise CaseError(f"{path} is not a table of keys; see config/recordings/README.md for an example")
+    return _extended(_anchored(case, path.parent), path, seen)
+
+
+def _extended(case: dict, path: Path, seen: tuple[Path, ...]) -> dict:
+    if not isinstance(case.get("extends"), str):
+        return case
+    base = _read(path.parent / case["extends"], (*seen, path.resolve()))
+    return _merged(base, {key: value for key, value in case.items() if key != "extends"})
+
+
+def _anchored(case: dict, folder: Path) -> dict:
+    paths = {key: str(folder / case[key]) for key in ("model", "data") if isinstance(case.get(key), str)}
+    return case | paths
+
+
+def _merged(base: dict, over: dict) -> dict:
+    both = {key: _merged(base[key], over[key]) for key in over if _tables(base.get(key), over[key])}
+    return base | over | both
+
+
+def _tables(one: object, other: object) -> bool:
+    return isinstance(one, dict) and isinstance(other, dict)
+
+
+def _not_finite(table: dict | list, path: tuple = ()) -> str | None:
+    for part, value in table.items() if isinstance(table, dict) else enumerate(table):
+        if isinstance(value, dict | list) and (complaint := _not_finite(value, (*path, part))):
+            return complaint
+        if isinstance(value, float) and not isfinite(value):
+            return f"{name((*path, part))} is {value}; it must be a finite number"
+    return None

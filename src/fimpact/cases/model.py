@@ -1,0 +1,126 @@
+"""The naive MJCF of a case: read whole and unaltered, with the sensors that the log needs and it lacks."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+
+from fimpact.cases.errors import CaseError, listed, one_of, reason
+
+FORBIDDEN = "@|+"  # they join names in tables and answers
+NAMED = ("joint", "body", "actuator", "sensor", "geom", "site", "pair")
+
+
+@dataclass(frozen=True)
+class Naive:
+    """A parsed MJCF: tree of its XML with includes resolved, its folder, and the model compiled from it."""
+
+    path: Path
+    tree: ElementTree.Element
+    model: mujoco.MjModel
+
+    def names(self, kind: str) -> list[str]:
+        """Names of all objects of a kind, such as "joint"."""
+        count = getattr(self.model, {"joint": "njnt", "actuator": "nu", "pair": "npair"}.get(kind, f"n{kind}"))
+        return [name for i in range(count) if (name := getattr(self.model, kind)(i).name)]
+
+    def text(self) -> str:
+        """The XML as it is now."""
+        return ElementTree.tostring(self.tree, encoding="unicode")
+
+
+def read_model(path: Path) -> Naive:
+    """Read and compile an MJCF; numbers keep every digit, which `MjSpec.to_xml` would not.
+
+    Raises:
+        CaseError: missing, not XML, does not compile, includes a file outside its folder, or has names that
+            tables cannot hold.
+    """
+    tree = _parsed(path, path)
+    _include(tree, path, (path.resolve(),))
+    _absolute_assets(tree, path.resolve().parent)
+    naive = Naive(path, tree, compiled(tree, path))
+    for kind in NAMED:
+        for name in naive.names(kind):
+            if set(name) & set(FORBIDDEN):
+                raise CaseError(f"MJCF {path}: {kind} '{name}' has one of {' '.join(FORBIDDEN)} in it; rename it")
+    return naive
+
+
+def compiled(tree: ElementTree.Element, path: Path) -> mujoco.MjModel:
+    """The model of a tree.
+
+    Raises:
+        CaseError: MuJoCo does not accept it.
+    """
+    try:
+        return mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode")).compile()
+    except Exception as error:
+        raise CaseError(f"MJCF {path} does not compile: {reason(error)}; correct it") from None
+
+
+def _parsed(path: Path, main: Path) -> ElementTree.Element:
+    what = "" if path == main else f" (included by {main})"
+    if not path.is_file():
+        raise CaseError(f"MJCF {path}{what} does not exist; correct the path")
+    try:
+        text = path.read_text(encoding="utf-8")
+        if "<!DOCTYPE" in text or "<!ENTITY" in text:
+            raise CaseError(f"MJCF {path}{what} declares entities; allowed: plain XML; remove the declaration")
+        return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise CaseError(f"MJCF {path}{what} is not XML: {reason(error)}; correct it") from None
+
+
+def _include(tree: ElementTree.Element, main: Path, seen: tuple[Path, ...]) -> None:
+    for parent in list(tree.iter()):
+        for position, child in reversed(list(enumerate(parent))):
+            if child.tag == "include":
+                parent[position : position + 1] = list(_included(child.get("file", ""), main, seen))
+
+
+def _included(file: str, main: Path, seen: tuple[Path, ...]) -> ElementTree.Element:
+    path, folder = (main.parent / file).resolve(), main.resolve().parent
+    if not path.is_relative_to(folder):
+        raise CaseError(
+            f"MJCF {main} includes '{file}', which leaves its folder {folder}; allowed: files inside it; copy it there"
+        )
+    if path in seen:
+        raise CaseError(f"MJCF {main} includes '{file}' again from within itself; remove one of the includes")
+    tree = _parsed(path, main) if path.is_file() else _parsed(main.parent / file, main)
+    _include(tree, main, (*seen, path))
+    return tree
+
+
+def _absolute_assets(tree: ElementTree.Element, folder: Path) -> None:
+    # A recording is compiled from a string, which has no folder to look for meshes in.
+    if not any(asset.get("file") for asset in tree.iter() if asset.tag != "include"):
+        return
+    compiler = tree.find("compiler")
+    given = dict(compiler.attrib) if compiler is not None else {}
+    both = given.get("assetdir", ".")
+    dirs = {key: str(folder / given.get(key, both)) for key in ("meshdir", "texturedir")}
+    ElementTree.SubElement(tree, "compiler", dirs)
+
+
+def joint_of(naive: Naive, name: str, where: str) -> tuple[str, int]:
+    """Name and type of a joint."""
+    one_of(naive.names("joint"), name, "joint", where)
+    return name, int(naive.model.joint(name).type[0])
+
+
+def body_element(naive: Naive, name: str, where: str) -> ElementTree.Element:
+    """The XML element of a body, to which a site can be added.
+
+    Raises:
+        CaseError: no such body, or one that MuJoCo makes by replication or attachment.
+    """
+    one_of(naive.names("body"), name, "body", where)
+    for element in naive.tree.iter("body"):
+        if element.get("name") == name:
+            return element
+    bodies = [element.get("name", "") for element in naive.tree.iter("body")]
+    raise CaseError(
+        f"{where}: body '{name}' is made by MuJoCo from another; {listed(bodies, name)}; give it a site in the MJCF"
+    )

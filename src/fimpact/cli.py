@@ -1,0 +1,101 @@
+"""The command `fimpact`: check a case, write a first one, diagnose one.
+
+argparse, because it ends with exit code 2 on bad usage as everything here does on bad input, and needs no dependency.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from fimpact.cases.errors import CaseError, reason
+
+BAD_INPUT = 2
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str):
+        self.exit(BAD_INPUT, f"{self.prog}: {message}; see `{self.prog} --help`\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one subcommand.
+
+    Returns:
+        0, or 2 on bad input, with one line on standard error and nothing written.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        return options.run(options) or 0
+    except (CaseError, ValueError) as error:
+        print(f"fimpact: {' '.join(str(error).split())}", file=sys.stderr)
+    except OSError as error:
+        print(f"fimpact: {error.filename or 'a file'}: {error.strerror or reason(error)}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("fimpact: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    return BAD_INPUT
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="fimpact", description="Say where a simulation and a recording part, and what is missing.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+    data = {"type": Path, "metavar": "ROOT", "help": "folder of the data files, instead of the one the case names"}
+    check = commands.add_parser("check", help="read and judge a case without running it")
+    check.add_argument("case", type=Path, metavar="CASE.yaml")
+    check.add_argument("--data", **data)
+    check.set_defaults(run=_check)
+    first = commands.add_parser("init", help="write a first case by matching column names to an MJCF")
+    first.add_argument("model", type=Path, metavar="MODEL.xml")
+    first.add_argument("log", type=Path, metavar="LOG")
+    first.add_argument("-o", "--out", type=Path, metavar="CASE.yaml", default=Path("case.yaml"))
+    first.set_defaults(run=_init)
+    diagnose = commands.add_parser("diagnose", help="find what the model lacks, and write the page")
+    diagnose.add_argument("case", type=Path, metavar="CASE.yaml")
+    diagnose.add_argument("--data", **data)
+    diagnose.add_argument("--out", type=Path, metavar="DIR", help="default: results/recordings/CASE")
+    diagnose.set_defaults(run=_diagnose)
+    return parser
+
+
+def _check(options: argparse.Namespace) -> None:
+    from fimpact.cases import read_case
+
+    recording = read_case(options.case, options.data)
+    both = (recording.training, recording.held_out)
+    spans = [f"{len(runs)} runs, {sum(len(r.measured) for r in runs) * recording.period:.4g} s" for runs in both]
+    print(f"{options.case}: good. To fit: {spans[0]}; held out: {spans[1]}")
+    print(f"every {recording.period:.6g} s: {', '.join(recording.channels)}")
+    print(f"unknown: {', '.join(one.name for one in recording.unknowns) or 'nothing but the initial states'}")
+
+
+def _init(options: argparse.Namespace) -> None:
+    from fimpact.cases.first import first_case
+
+    if options.out.exists():
+        raise CaseError(f"{options.out} exists; nothing is overwritten; choose another name with -o, or remove it")
+    if not options.out.resolve().parent.is_dir():
+        raise CaseError(f"{options.out.resolve().parent} is not a folder; make it, or choose another name with -o")
+    first = first_case(options.model, options.log, options.out)
+    options.out.write_text(first.text(), encoding="utf-8")
+    print(f"wrote {options.out}; open:")
+    print("\n".join(f"  {line}" for line in first.open))
+    print(f"then: fimpact check {options.out}")
+
+
+def _diagnose(options: argparse.Namespace) -> None:
+    from fimpact.cases import inputs, read_case
+
+    recording = read_case(options.case, options.data)
+    from fimpact.mismatch.diagnose import diagnose
+    from fimpact.report import describe_inputs, write_report
+
+    out = options.out or Path("results") / "recordings" / options.case.stem
+    found = diagnose(recording, lambda line: print(line, file=sys.stderr, flush=True))
+    files = [options.case, *inputs(options.case, options.data)]
+    print(f"page: {write_report(found, out, provenance=describe_inputs(files))}")
+    print(found.verdict)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
