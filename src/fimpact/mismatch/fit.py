@@ -53,7 +53,7 @@ def fit(
     Args:
         linear: sensitivities to begin with; they are kept for `patience` iterations and refreshed after.
     """
-    point, damping, converged = settled(problem, coordinates, start), DAMPING[0], False
+    point, damping, converged = start if linear else settled(problem, coordinates, start), DAMPING[0], False
     linear, age = linear or problem.linearise(point, coordinates), 0
     for _ in range(iterations):
         z_step, x_step, gain = _step(point, linear, coordinates, damping)

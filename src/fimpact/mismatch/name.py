@@ -272,9 +272,17 @@ def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explana
     free = freedom(bench.training, len(best.fitted.coordinates.scale)) + freedom(bench.held_out)
     before, after = (squares(e.fitted).sum() + squares(e.judged).sum() - free for e in (naive, best))
     left = float(np.clip(after / before, 0.0, 1.0)) if before > 0 else 0.0
-    members = [best, *(r for r in others if r.weight >= MEMBERS * best.weight)] if best.placed else []
+    rivals = [r for r in others if r.weight >= MEMBERS * best.weight and not _generalises(r, best)]
+    members = [best, *rivals] if best.placed else []
     p = tuple(nameless(bench, e.fitted, found) for e in (naive, best))
     return Naming(naive, steps, best, members, left, p, dispersion(best), found)
+
+
+def _generalises(rival: Explanation, best: Explanation) -> bool:
+    """Whether `rival` says what `best` says, with more coefficients: no other explanation, only a wordier one."""
+    special = {(p.effect.name, p.site) for p in best.placed}
+    covered = {(name, p.site) for p in rival.placed for name in (p.effect.name, *p.effect.contains)}
+    return special <= covered and rival.deviance > best.deviance
 
 
 def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarray:

@@ -1,0 +1,50 @@
+"""The README's worked example of a case: from its own text to the page, and the effect of one's own."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from fimpact.cli import main
+from fimpact.effects import EFFECTS
+
+README = (Path(__file__).parents[1] / "README.md").read_text()
+
+
+def block(marker: str) -> str:
+    """The fenced block that follows a marker."""
+    return re.search(re.escape(marker) + r"\n```\w+\n(.*?)```", README, re.S)[1]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("case")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        exec(block("<!-- example -->"), {})
+        (folder / "case.yaml").write_text(block("<!-- example case -->"))
+        assert main(["check", "case.yaml"]) == 0
+        assert main(["diagnose", "case.yaml", "--out", "page"]) == 0
+    return folder / "page"
+
+
+def test_the_example_finds_the_friction_that_it_hides(made):
+    found = json.loads((made / "diagnosis.json").read_text())
+    assert found["answer"] == "coulomb@shoulder"
+    row = next(r for r in found["parameters"] if r["of"] == "coulomb@shoulder")
+    assert row["after"] == pytest.approx(0.03, rel=0.02)
+
+
+def test_the_example_leaves_a_page_and_a_better_model(made):
+    assert {"report.html", "diagnosis.json", "improved.xml"} <= {path.name for path in made.iterdir()}
+    assert "frictionloss" in (made / "improved.xml").read_text()
+
+
+def test_an_effect_of_ones_own_is_a_function_and_a_registry_line():
+    text = re.search(r"### Add an effect of your own\n\n```python\n(.*?)```", README, re.S)[1]
+    try:
+        exec(text, {})
+        assert EFFECTS["magnet"].law is not None
+    finally:
+        EFFECTS.pop("magnet", None)
