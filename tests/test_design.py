@@ -4,25 +4,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import TOUCHING
 
 from fimpact import truth
-from fimpact.design import METHODS, POPULATION, Task, best_of_n, contact_blind, evaluate, fisher
+from fimpact.design import METHODS, POPULATION, STEPS, Task, best_of_n, contact_blind, evaluate, fisher
+from fimpact.estimate import beliefs, untried
 from fimpact.reach import contact_free
+from fimpact.search import Campaign
 
 BUDGET = {
     "criterion": "A",
+    "draws": 2,
     "spread": 16,
     "generations": 7,
     "sigma": 0.25,
     "relaxation": [1, 0.5, 0.2, 0],
     "gradients": 2,
 }
+BELIEFS = np.array([[1.0, 1.0, 1.0], [1.2, 0.9, 1.1]])
 
 
 @pytest.fixture
 def task(systems):
     block = systems["block"]
-    return Task(block, block.template, np.ones(3), np.eye(3) / 0.09, 0, 5, BUDGET, np.random.default_rng(1))
+    return Task(block, block.template, np.ones((1, 3)), np.eye(3) / 0.09, 0, 5, BUDGET, np.random.default_rng(1))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -34,7 +39,7 @@ def test_designs_stay_within_the_bounds(task, method):
 
 
 def test_contact_is_found_from_a_start_that_has_none(task):
-    start = contact_free(task, 16)
+    start = contact_free(task, task.beliefs, 16)
     steps = [truth.simulate(task.system, task.system.nominal, design)[1] for design in start]
     assert sum(steps) == 0
     assert np.ptp(evaluate(task, start)) < 1e-9  # without relaxation all look alike
@@ -43,14 +48,48 @@ def test_contact_is_found_from_a_start_that_has_none(task):
     assert found.value > evaluate(task, start).max() + 1
 
 
+def test_a_start_that_touches_is_searched_with_exact_contact(task, monkeypatch):
+    reaches = []
+
+    def seen(task, candidates, reach=0.0, blind=False):
+        reaches.append(reach)
+        return evaluate(task, candidates, reach, blind)
+
+    monkeypatch.setattr("fimpact.design.evaluate", seen)
+    fisher(task, start=np.vstack([contact_free(task, task.beliefs, 15), TOUCHING["block"]]))
+    assert set(reaches) == {0.0}
+    fisher(task, start=contact_free(task, task.beliefs, 16))
+    assert max(reaches) > 0.1
+
+
+def test_the_criterion_is_its_mean_over_what_is_believed(task):
+    throws = task.rng.uniform(*task.system.inputs.bounds, (4, 4))
+    each = [evaluate(replace(task, beliefs=rho[None]), throws) for rho in BELIEFS]
+    assert np.allclose(evaluate(replace(task, beliefs=BELIEFS), throws), np.mean(each, 0))
+
+
+def test_a_guess_that_cannot_touch_does_not_keep_the_arm_from_the_wall(systems):
+    # The guess is an arm of 0.52 m for a wall at 0.65 m: at the guess alone all torques look alike.
+    arm, guess = systems["arm"], np.array([1.0, 1.0, 1.0, 0.6, 0.55, 0.58])
+    nothing = Campaign(arm, arm.template, (), guess, 0.3)
+    rng = np.random.default_rng(1)
+    sure = Task(arm, arm.template, guess[None], np.eye(6) / 0.09, 0, 5, BUDGET, rng)
+    assert np.ptp(evaluate(sure, rng.uniform(*arm.inputs.bounds, (32, 24)))) < 1e-9
+    robust = replace(sure, beliefs=beliefs(nothing, untried(nothing), 4, rng))
+    assert truth.simulate(arm, arm.nominal, fisher(robust).design)[1] > 0
+
+
 def test_fisher_beats_one_uniform_draw_by_its_own_criterion(task):
     draws = task.rng.uniform(*task.system.inputs.bounds, (8, 4))
     assert fisher(task).value > np.median(evaluate(task, draws)) + 1
 
 
 def test_best_of_n_simulates_what_fisher_may(task):
-    limit = BUDGET["spread"] + POPULATION * BUDGET["generations"] + BUDGET["gradients"] * 5
+    task = replace(task, beliefs=BELIEFS)
+    limit = 2 * BUDGET["spread"] + POPULATION * BUDGET["generations"] + BUDGET["gradients"] * (5 + len(STEPS))
     assert best_of_n(task).candidates == limit
+    assert fisher(task).candidates <= limit
+    assert fisher(task, start=contact_free(task, task.beliefs, 16)).candidates <= limit
 
 
 def test_a_contact_blind_throw_is_just_a_draw(task):
