@@ -69,11 +69,12 @@ def beliefs(campaign: Campaign, found: Estimate, count: int, rng: np.random.Gene
     mode = prior_mode(campaign) if found.status == FAR else found.carried[0]
     if np.sqrt((mode.spread**2).sum(1).max()) < NARROW:
         return mode.rho[None]
-    unit = rng.standard_normal((RESAMPLED * count, len(mode.rho)))
-    unit[0] = 0.0  # the estimate itself
+    half = rng.standard_normal((RESAMPLED * count // 2, len(mode.rho)))
+    unit = np.stack([half, -half], 1).reshape(-1, len(mode.rho))  # in pairs around the mode: few draws, but balanced
     draws = campaign.clip(mode.rho + unit @ mode.spread.T)
     if found.status == FAR or not campaign.recordings:
-        return draws[1 : count + 1]
+        return draws[:count]
+    draws, unit = np.vstack([draws, mode.rho]), np.vstack([unit, 0 * unit[0]])  # and the mode itself
     weight = (unit**2).sum(1) / 2 - posterior_cost(campaign, draws)
     weight = np.exp(weight - weight.max())
     return draws[np.unique(rng.choice(len(draws), count, p=weight / weight.sum()))]
