@@ -62,6 +62,8 @@ def fisher(task: Task, blind: bool = False, start: np.ndarray | None = None) -> 
     """
     candidates = start if start is not None else _draws(task, task.budget["spread"])
     values = evaluate(task, candidates, blind)
+    if blind and not _touching(task, values):  # flight tells a blind designer nothing: all throws are alike
+        return Design(candidates[0], float(values[0]), len(candidates))
     clear = not (blind or _touching(task, values))
     best = _approach(task, candidates) if clear else candidates[np.argmax(values)]
     best, value = _search(task, best, blind)
