@@ -11,6 +11,7 @@ that wide, gradients are left out: the search is the better use of the time.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import jax
 import numpy as np
@@ -23,6 +24,7 @@ from fimpact.rollout import remove_contact
 from fimpact.systems.base import System
 
 POPULATION = 16
+WIDTH = 64  # of a batch of criteria
 TOLD = 1e-3  # gain in a (logarithmic) criterion above which a candidate is taken to have touched
 AFAR = 0.25  # first step of an approach, as a share of the range
 STEPS = 0.5 ** np.arange(4, 12)  # of a search along a gradient, in shares of the inputs' range; one batch
@@ -176,18 +178,27 @@ def evaluate(task: Task, candidates: np.ndarray, blind: bool = False) -> np.ndar
     slopes = point.motion if blind else point.sensitivity
     with np.errstate(over="ignore", invalid="ignore"):
         information = task.known + slopes.transpose(0, 2, 1) @ slopes
-    values = np.asarray(_criterion(task)(information))
+    values = _criterion(task, information)
     values = np.where(np.isfinite(values), values, _nothing(task) - 1)
     return values.reshape(len(candidates), -1).mean(1)
 
 
-def _criterion(task: Task) -> Callable:
-    return jax.vmap(CRITERIA[task.budget["criterion"]])
+def _criterion(task: Task, information: np.ndarray) -> np.ndarray:
+    # Filled up to one width: every other shape would compile again.
+    count = len(information)
+    fill = np.arange(-(-count // WIDTH) * WIDTH) % count
+    parts = information[fill].reshape(-1, WIDTH, *information.shape[1:])
+    return np.concatenate([_compiled(task.budget["criterion"])(part) for part in parts])[:count]
+
+
+@cache
+def _compiled(criterion: str) -> Callable:
+    return jax.jit(jax.vmap(CRITERIA[criterion]))
 
 
 def _nothing(task: Task) -> float:
     """Value of an experiment that tells nothing."""
-    return float(_criterion(task)(task.known[None])[0])
+    return float(_criterion(task, task.known[None])[0])
 
 
 def contact_blind(task: Task) -> Design:
