@@ -72,6 +72,7 @@ def reach(seeds: int = 4) -> pd.DataFrame:
     """Both systems: every start without contact ends in contact, but for the arm's seed 0."""
     rows = [
         {"system": system, "seed": seed, "start_contact_steps": 0, "designed_contact_steps": 9 * hit, "reached": hit}
+        | {"contact_steps_at_guess": 9 * (seed > 1), "reached_at_guess": int(seed > 1)}
         for system in PARAMETERS
         for seed in range(seeds)
         for hit in [int(system == "block" or seed > 0)]

@@ -4,25 +4,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import TOUCHING
 
 from fimpact import truth
-from fimpact.design import METHODS, POPULATION, Task, best_of_n, contact_blind, evaluate, fisher
+from fimpact.design import METHODS, Task, best_of_n, contact_blind, evaluate, fisher
+from fimpact.estimate import beliefs, untried
 from fimpact.reach import contact_free
+from fimpact.search import Campaign
 
 BUDGET = {
     "criterion": "A",
+    "draws": 2,
     "spread": 16,
+    "approach": 6,
     "generations": 7,
     "sigma": 0.25,
-    "relaxation": [1, 0.5, 0.2, 0],
     "gradients": 2,
 }
+BELIEFS = np.array([[1.0, 1.0, 1.0], [1.2, 0.9, 1.1]])
 
 
 @pytest.fixture
 def task(systems):
     block = systems["block"]
-    return Task(block, block.template, np.ones(3), np.eye(3) / 0.09, 0, 5, BUDGET, np.random.default_rng(1))
+    return Task(block, block.template, np.ones((1, 3)), np.eye(3) / 0.09, 0, 5, BUDGET, np.random.default_rng(1))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -34,13 +39,40 @@ def test_designs_stay_within_the_bounds(task, method):
 
 
 def test_contact_is_found_from_a_start_that_has_none(task):
-    start = contact_free(task, 16)
+    start = contact_free(task, task.beliefs, 16)
     steps = [truth.simulate(task.system, task.system.nominal, design)[1] for design in start]
     assert sum(steps) == 0
-    assert np.ptp(evaluate(task, start)) < 1e-9  # without relaxation all look alike
+    assert np.ptp(evaluate(task, start)) < 1e-9  # by information all look alike
     found = fisher(task, start=start)
     assert truth.simulate(task.system, task.system.nominal, found.design)[1] > 0
     assert found.value > evaluate(task, start).max() + 1
+
+
+def test_only_a_start_that_does_not_touch_has_to_approach(task, monkeypatch):
+    approached = []
+    monkeypatch.setattr("fimpact.design._approach", lambda task, start: approached.append(1) or start[0])
+    clear = contact_free(task, task.beliefs, 16)
+    fisher(task, start=np.vstack([clear[1:], TOUCHING["block"]]))
+    assert not approached
+    fisher(task, start=clear)
+    assert approached
+
+
+def test_the_criterion_is_its_mean_over_what_is_believed(task):
+    throws = task.rng.uniform(*task.system.inputs.bounds, (4, 4))
+    each = [evaluate(replace(task, beliefs=rho[None]), throws) for rho in BELIEFS]
+    assert np.allclose(evaluate(replace(task, beliefs=BELIEFS), throws), np.mean(each, 0))
+
+
+def test_a_guess_that_cannot_touch_does_not_keep_the_arm_from_the_wall(systems):
+    # The guess is an arm of 0.52 m for a wall at 0.65 m: at the guess alone all torques look alike.
+    arm, guess = systems["arm"], np.array([1.0, 1.0, 1.0, 0.6, 0.55, 0.58])
+    nothing = Campaign(arm, arm.template, (), guess, 0.3)
+    rng = np.random.default_rng(1)
+    sure = Task(arm, arm.template, guess[None], np.eye(6) / 0.09, 0, 5, BUDGET, rng)
+    assert np.ptp(evaluate(sure, rng.uniform(*arm.inputs.bounds, (32, 24)))) < 1e-9
+    robust = replace(sure, beliefs=beliefs(nothing, untried(nothing), 4, rng))
+    assert truth.simulate(arm, arm.nominal, fisher(robust).design)[1] > 0
 
 
 def test_fisher_beats_one_uniform_draw_by_its_own_criterion(task):
@@ -48,9 +80,21 @@ def test_fisher_beats_one_uniform_draw_by_its_own_criterion(task):
     assert fisher(task).value > np.median(evaluate(task, draws)) + 1
 
 
-def test_best_of_n_simulates_what_fisher_may(task):
-    limit = BUDGET["spread"] + POPULATION * BUDGET["generations"] + BUDGET["gradients"] * 5
-    assert best_of_n(task).candidates == limit
+@pytest.mark.parametrize("believed", [BELIEFS[:1], BELIEFS])
+def test_best_of_n_simulates_what_fisher_may(task, monkeypatch, believed):
+    counts = []
+
+    def counted(task, candidates, blind=False):
+        counts.append(len(candidates))
+        return evaluate(task, candidates, blind)
+
+    monkeypatch.setattr("fimpact.design.evaluate", counted)
+    fair = [replace(task, beliefs=believed, rng=np.random.default_rng(1)) for _ in range(2)]
+    one = fisher(fair[0])
+    gradients = 5 * BUDGET["gradients"] if len(believed) == 1 else 0
+    assert sum(counts) + gradients <= one.candidates
+    counts.clear()
+    assert best_of_n(fair[1]).candidates == one.candidates == sum(counts)
 
 
 def test_a_contact_blind_throw_is_just_a_draw(task):

@@ -1,19 +1,28 @@
 """The estimator recovers a known truth from MuJoCo C, with honest intervals and a status."""
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import CLEAR, TOUCHING
 from scipy.optimize import OptimizeResult
 
 from fimpact import truth
-from fimpact.estimate import _mode, estimate
-from fimpact.search import Campaign, Mode
+from fimpact.estimate import FAR, _mode, beliefs, estimate
+from fimpact.search import Campaign, Mode, posterior_cost, prior_mode
+
+NEARLY = np.array([0.3, 0.5, -2.65, 2.0])  # touches if the block is somewhat larger than nominal
 
 SETTINGS = {
     "screen": 64,
+    "starts": 4,
+    "iterations": 6,
+    "population": 32,
     "stages": [
-        {"blur": 0.06, "temper": 100, "starts": 4, "iterations": 4},
-        {"blur": 0, "temper": 1, "starts": 3, "iterations": 6},
+        {"blur": 0.06, "temper": 100, "generations": 5},
+        {"blur": 0.02, "temper": 5, "generations": 5},
+        {"blur": 0, "temper": 1, "generations": 5},
     ],
     "polish": 2,
     "evaluations": 20,
@@ -59,6 +68,40 @@ def test_without_contact_the_prior_remains(systems):
     )
     assert np.allclose(found.rho, guess, atol=1e-3)
     assert np.allclose(np.sqrt(np.diag(found.covariance)), 0.3, rtol=1e-3)
+
+
+def test_after_silence_only_what_would_have_been_silent_is_believed(systems):
+    # A block as large as first guessed would have touched.
+    block, guess = systems["block"], np.array([1.0, 1.2, 1.2])
+    silent = campaign(block, np.array([1.0, 0.8, 0.8]), [NEARLY], guess)
+    assert silent.recordings[0].contact_steps == 0
+    found = estimate(silent, SETTINGS, [prior_mode(silent)], np.random.default_rng(1))
+    before, after = (beliefs(c, found, 8, np.random.default_rng(2)) for c in (replace(silent, recordings=()), silent))
+
+    def touching(rho):
+        return sum(truth.simulate(block, row * block.nominal, NEARLY)[1] > 0 for row in rho)
+
+    assert touching(before) > 0 and touching(after) == 0
+
+
+def test_a_fit_far_above_the_noise_is_not_believed(systems, landed):
+    _, known, found = landed
+    wild = known.recordings[0].measurement + 50 * np.random.default_rng(3).standard_normal((160, 2))
+    wrong = replace(known, recordings=(replace(known.recordings[0], measurement=wild),))
+    status = estimate(wrong, SETTINGS, found.carried, np.random.default_rng(1)).status
+    assert status == FAR
+    draws = beliefs(known, replace(found, status=FAR), 64, np.random.default_rng(4))
+    assert 0.2 < draws.std() < 0.4  # the prior again
+    assert len(beliefs(known, found, 64, np.random.default_rng(4))) == 1  # a narrow posterior is its estimate
+
+
+def test_a_draw_that_diverged_costs_infinity_without_a_warning(systems, landed, monkeypatch):
+    _, known, _ = landed
+    monkeypatch.setattr("fimpact.search._errors", lambda campaign, rho: np.full((2 * len(rho), 320), 1e200))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cost = posterior_cost(known, np.ones((3, 3)), blur=0.02)
+    assert np.isinf(cost).all()
 
 
 def test_what_cannot_be_simulated_is_a_status_and_not_a_crash(systems, monkeypatch, tmp_path):

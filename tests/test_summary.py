@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 import synthetic
 
+from fimpact import estimate
 from fimpact.measures import errors, final, information_ratio, reduction, touched
-from fimpact.summary import coverage, coverage_to_markdown, percent, reduction_curve, summarise, times, to_markdown
+from fimpact.summary import FAR, coverage, coverage_to_markdown, percent, reduction_curve, summarise, times, to_markdown
 
 FISHER, UNIFORM = [0.01, 0.02, 0.03, 0.04], [0.1, 0.2, 0.3, 0.4]
 
@@ -119,16 +120,35 @@ def test_reached_counts_only_starts_without_contact():
     table = summarise(trials, synthetic.diagnose(trials), reach)
     assert row(table, "fisher").reached == pytest.approx(2 / 3)
     assert row(table, "fisher", "block").reached == 1.0
+    assert row(table, "fisher", "block").reached_at_guess == 0.5
     assert np.isnan(row(table, "uniform").reached)
 
 
 def test_coverage_per_parameter_is_of_the_last_round():
-    diagnostics = synthetic.diagnose(synthetic.campaign(4, 2))
+    trials = synthetic.campaign(4, 2)
+    diagnostics = synthetic.diagnose(trials)
     diagnostics.loc[diagnostics["round"] == 1, "covered"] = 0
-    table = coverage(diagnostics)
+    table = coverage(diagnostics, trials)
     assert len(table) == 2 * 5 * 2
     assert (table.covered == 0.75).all() and (table.seeds == 4).all()
-    assert "| arm | inertia_1 | 75 % | 2.0 % | 4 |" in coverage_to_markdown(table)
+    assert "| arm | inertia_1 | 75 % | 2.0 % | 4 | 0 |" in coverage_to_markdown(table)
+
+
+def test_a_fit_far_above_the_noise_claims_no_interval():
+    trials = synthetic.campaign(4, 2)
+    wrong = (trials.method == "fisher") & (trials.seed == 0) & (trials["round"] == 2)
+    trials.loc[wrong, "status"] = FAR
+    table = coverage(synthetic.diagnose(trials), trials)
+    fisher = table[table.method == "fisher"]
+    assert (fisher.covered == 1.0).all() and (fisher.seeds == 3).all() and (fisher.withheld == 1).all()
+    assert (table[table.method != "fisher"].covered == 0.75).all()
+    summary = summarised(trials)
+    assert (row(summary, "fisher").coverage, row(summary, "fisher").withheld) == (1.0, 1)
+    assert row(summary, "fisher").agreement == 0.75
+
+
+def test_summary_and_estimator_call_a_wrong_fit_by_the_same_name():
+    assert FAR == estimate.FAR
 
 
 def test_curve_has_a_row_per_surface_and_its_own_share_of_touches():

@@ -50,8 +50,6 @@ def _contradictions(config: dict) -> Iterator[str]:
     for system in config["select"]["systems"]:
         if system not in config["sweep"]["surfaces"]:
             yield f"sweep.surfaces.{system} is missing; list positions of its surface, as select.systems names it"
-    yield from _design("design", config["design"])
-    yield from _design("sweep.design", {**config["design"], **config["sweep"]["design"]})
 
 
 def _system(system: str, settings: dict) -> Iterator[str]:
@@ -77,14 +75,6 @@ def _mjcf(key: str, path: Path) -> Iterator[str]:
         mujoco.MjSpec.from_string(path.read_text())
     except ValueError as error:
         yield f"{key} has an MJCF that does not parse; correct {path}: {' '.join(str(error).split())}"
-
-
-def _design(key: str, design: dict) -> Iterator[str]:
-    reach, generations = design["relaxation"], design["generations"]
-    if reach[-1] != 0:
-        yield f"{key}.relaxation is {reach}; it must end with 0, the exact contact"
-    if generations < len(reach):
-        yield f"{key}.generations is {generations}; it must be at least {len(reach)}, one for each of {key}.relaxation"
 
 
 def _numbers(table: dict | list, path: tuple = ()) -> Iterator[tuple[tuple, float]]:

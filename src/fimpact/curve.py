@@ -39,9 +39,9 @@ def _surfaces(ax: Axes, points: pd.DataFrame) -> None:
     _, colour, line, marker = METHODS[DESIGNED]
     _whiskers(ax, points, color=colour, linestyle=line, marker=marker)
     for index, point in enumerate(points.itertuples()):
-        low = np.nanmin([point.reduction, point.reduction_low])
-        drop = -12 if index % 2 else -3  # neighbours on two levels, or their names run into each other
-        _name(ax, point.touched, 1 - low, f"{point.surface:g} m".replace("-", "−"), drop, colour)
+        # In two rows along the bottom, so that neighbours do not run into each other or into a whisker.
+        name, row = f"{point.surface:g} m".replace("-", "−"), 0.015 + 0.065 * (index % 2)
+        ax.text(point.touched, row, name, color=colour, fontsize=8, ha="center", transform=ax.get_xaxis_transform())
 
 
 def _headline(ax: Axes, system: str, trials: pd.DataFrame) -> None:
@@ -49,7 +49,7 @@ def _headline(ax: Axes, system: str, trials: pd.DataFrame) -> None:
     interval = reduction(error[DESIGNED], error[BASELINE])
     star = pd.DataFrame([(share, *interval)], columns=["touched", *INTERVAL])
     _whiskers(ax, star, color="black", linestyle="none", marker="*", markersize=11)
-    _name(ax, share, 1 - np.nanmax(interval), f"headline, {len(error)} seeds", 3, "black")
+    _name(ax, share, 1 - np.nanmax(interval), f"headline, {len(error)} seeds")
     ax.set_title(f"{system.capitalize()}: {percent(interval[0])} error reduction where {percent(share, 0)} touch")
 
 
@@ -61,18 +61,17 @@ def _whiskers(ax: Axes, table: pd.DataFrame, **look) -> None:
     ax.errorbar(table.touched, middle, lengths, capsize=2.5, elinewidth=1, **look)
 
 
-def _name(ax: Axes, x: float, y: float, text: str, offset: float, colour: str) -> None:
-    # Beyond the whisker's end, where neither the line nor a neighbour's whisker runs; edges lean inwards.
-    side = "left" if x < 0.15 and len(text) > 8 else "right" if x > 0.85 and len(text) > 8 else "center"
-    place = {"xytext": (0, offset), "textcoords": "offset points", "ha": side, "va": "top" if offset < 0 else "bottom"}
+def _name(ax: Axes, x: float, y: float, text: str) -> None:
+    # Above the whisker's end, where no line runs; edges lean inwards.
+    side = "left" if x < 0.15 else "right" if x > 0.85 else "center"
     halo = [withStroke(linewidth=2.5, foreground="white")]
-    ax.annotate(text, (x, y), color=colour, fontsize=8, path_effects=halo, **place)
+    ax.annotate(text, (x, y), (0, 3), textcoords="offset points", fontsize=8, ha=side, va="bottom", path_effects=halo)
 
 
 def _reduction_axis(ax: Axes) -> None:
     ax.set_yscale("log")
     low, high = ax.get_ylim()
-    low, high = low / 1.15, high * 1.15
+    low, high = low / 1.15, high * 2.5  # room for the names of the surfaces
     ax.set_ylim(high, low)
     log_ticks(ax.yaxis, low, high, lambda remaining: in_percent(1 - remaining))
     ax.set_ylabel("error reduction (95 % interval)")

@@ -1,36 +1,44 @@
 """Five ways to choose the next experiment, under the same bounds and horizon.
 
-`fisher` is contact-implicit: no contact schedule is given. It starts from spread draws in a model whose contact
-already acts at a distance, tightens the contact to the exact one while a covariance-adapting search (CMA-ES)
-follows it, and refines the best with exact forward-mode gradients (L-BFGS-B).
+`fisher` is contact-implicit: no contact schedule is given. It starts from spread draws and searches around the
+best with a covariance-adapting strategy (CMA-ES); exact forward-mode gradients refine what it found. If none of the
+draws touches, information is flat, and the same strategy first closes the gap to the surface.
+
+What optimises does so for what is believed, not for one guess: the criterion is its mean over a few draws of the
+posterior. A design that only works if the estimate is right teaches nothing when it is wrong. While the posterior is
+that wide, gradients are left out: the search is the better use of the time.
 """
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 
+import jax
 import numpy as np
 from cmaes import CMA
-from scipy.optimize import minimize
 
 from fimpact.engine import mjx
 from fimpact.information import CRITERIA
-from fimpact.information import fisher as fisher_information
 from fimpact.programs import programs
-from fimpact.rollout import relax_contact, remove_contact
+from fimpact.rollout import remove_contact
 from fimpact.systems.base import System
 
-POPULATION = 32
+POPULATION = 16
+WIDTH = 64  # of a batch of criteria
+TOLD = 1e-3  # gain in a (logarithmic) criterion above which a candidate is taken to have touched
+AFAR = 0.25  # first step of an approach, as a share of the range
+STEPS = 0.5 ** np.arange(4, 12)  # of a search along a gradient, in shares of the inputs' range; one batch
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a designer is given: the system, the current estimate rho (p,), what is `known` already (prior
-    precision plus information of past experiments, (p, p)), the round, its budget and its random numbers."""
+    """What a designer is given: the system, what is believed of its parameters (draws of the posterior in relative
+    units, (k, p)), what is `known` already (prior precision plus information of past experiments, (p, p)), the
+    round, its budget and its random numbers."""
 
     system: System
     model: mjx.Model
-    rho: np.ndarray
+    beliefs: np.ndarray
     known: np.ndarray
     round: int
     rounds: int
@@ -54,71 +62,143 @@ def fisher(task: Task, blind: bool = False, start: np.ndarray | None = None) -> 
         blind: believe that contact does not exist and look at the motion instead.
         start: initial candidates (n, d); uniform draws if not given.
     """
-    low, high = task.system.inputs.bounds
-    budget = task.budget
-    reaches = np.array(budget["relaxation"]) * _gap(task)
-    candidates = start if start is not None else task.rng.uniform(low, high, (budget["spread"], len(low)))
-    values = evaluate(task, candidates, reaches[0], blind)
-    best = candidates[np.argmax(values)]
-    found, searched = _search(task, best, reaches, blind)
-    refined, climbed = _refine(task, found, blind)
-    value = float(evaluate(task, refined[None], 0.0, blind)[0])
-    return Design(refined, value, len(candidates) + searched + climbed)
+    candidates = start if start is not None else _draws(task, task.budget["spread"])
+    values = evaluate(task, candidates, blind)
+    if blind and not _touching(task, values):  # flight tells a blind designer nothing: all throws are alike
+        return Design(candidates[0], float(values[0]), len(candidates))
+    clear = not (blind or _touching(task, values))
+    best = _approach(task, candidates) if clear else candidates[np.argmax(values)]
+    best, value = _search(task, best, blind)
+    design, value = _refine(task, best, value, blind)
+    return Design(design, value, _allowance(task, clear))
 
 
-def _search(task: Task, start: np.ndarray, reaches: np.ndarray, blind: bool) -> tuple[np.ndarray, int]:
-    low, high = task.system.inputs.bounds
-    unit = np.tile([0.0, 1.0], (len(low), 1))
-    seed = int(task.rng.integers(2**31))
-    cma = CMA((start - low) / (high - low), task.budget["sigma"], bounds=unit, seed=seed, population_size=POPULATION)
-    best, best_value = start, -np.inf
-    for generation in range(task.budget["generations"]):
-        reach = reaches[min(generation, len(reaches) - 1)]
-        points = np.array([cma.ask() for _ in range(POPULATION)])
-        values = evaluate(task, low + points * (high - low), reach, blind)
-        cma.tell([(point, -value) for point, value in zip(points, values, strict=True)])
-        if reach == 0.0 and values.max() > best_value:
-            best, best_value = low + points[np.argmax(values)] * (high - low), values.max()
-    return best, POPULATION * task.budget["generations"]
+def _touching(task: Task, values: np.ndarray) -> bool:
+    return bool(values.max() > _nothing(task) + TOLD)
 
 
-def _refine(task: Task, start: np.ndarray, blind: bool) -> tuple[np.ndarray, int]:
-    low, high = task.system.inputs.bounds
-    model = remove_contact(task.model) if blind else task.model
-    climb, seen = programs(task.system).climb, [(-np.inf, start)]
-
-    def descend(unit: np.ndarray) -> tuple[float, np.ndarray]:
-        if len(seen) > task.budget["gradients"]:
-            raise _BudgetSpent
-        design = low + unit * (high - low)
-        value, gradient = climb(task.budget["criterion"], model, task.rho, design, task.known, blind)
-        finite = np.isfinite(value) and np.isfinite(gradient).all()
-        seen.append((float(value) if finite else -np.inf, design))
-        return (-float(value), -np.asarray(gradient) * (high - low)) if finite else (1e6, np.zeros_like(unit))
-
-    with suppress(_BudgetSpent):  # scipy's own limit is only looked at between line searches
-        minimize(descend, (start - low) / (high - low), jac=True, bounds=[(0.0, 1.0)] * len(low), method="L-BFGS-B")
+def _allowance(task: Task, clear: bool) -> int:
+    """Candidates that a search may simulate; more of them if it has to approach the surface first."""
+    budget, inputs = task.budget, len(task.system.inputs.bounds[0])
     # A forward-mode gradient carries every sensitivity once more per design variable: so many candidates.
-    return max(seen, key=lambda point: point[0])[1], (len(seen) - 1) * (1 + len(low))
+    refining = budget["gradients"] * (1 + inputs + len(STEPS)) if len(task.beliefs) == 1 else 0
+    approaching = budget["spread"] + POPULATION * budget["approach"] if clear else 0
+    return 1 + budget["spread"] + POPULATION * budget["generations"] + refining + approaching
 
 
-class _BudgetSpent(Exception):
-    """All gradients that the budget allows have been taken."""
+def _approach(task: Task, candidates: np.ndarray) -> np.ndarray:
+    """Inputs that bring every belief as near to the surface as the budget finds, shape (d,)."""
+    shares = _gap_left(task, candidates)
+    cma = _cma(task, candidates[np.argmin(shares)], AFAR)
+    best, least = candidates[np.argmin(shares)], shares.min()
+    for _ in range(task.budget["approach"]):
+        points = _ask(task, cma)
+        shares = _gap_left(task, points)
+        _tell(task, cma, points, -shares)
+        if shares.min() < least:
+            best, least = points[np.argmin(shares)], shares.min()
+    return best
 
 
-def evaluate(task: Task, candidates: np.ndarray, reach: float = 0.0, blind: bool = False) -> np.ndarray:
-    """Criterion of the accumulated information for `candidates` (n, d), shape (n,); -inf where not finite."""
-    model = remove_contact(task.model) if blind else relax_contact(task.model, float(reach))
-    _, measured, moved = programs(task.system).linearise(model, task.rho, candidates)
-    criterion = CRITERIA[task.budget["criterion"]]
-    values = [float(criterion(task.known + fisher_information(s))) for s in (moved if blind else measured)]
-    return np.where(np.isfinite(values), values, -np.inf)
+def _gap_left(task: Task, candidates: np.ndarray) -> np.ndarray:
+    """Share of the starting gap that is left at the closest, mean over the beliefs, shape (n,); 0 if all touch.
+
+    It has a slope where information has none, and needs no sensitivities.
+    """
+    rows = np.tile(task.beliefs, (len(candidates), 1))
+    seen = programs(task.system).predict(task.model, rows, np.repeat(candidates, len(task.beliefs), 0))
+    share = np.where(seen.first > 0, np.maximum(seen.closest, 0) / np.where(seen.first > 0, seen.first, 1), 0)
+    return np.where(np.isfinite(share), share, 1).reshape(len(candidates), -1).mean(1)
 
 
-def _gap(task: Task) -> float:
-    # With relaxation 1 the contact acts from the first instant on, wherever the surface is.
+def _search(task: Task, start: np.ndarray, blind: bool) -> tuple[np.ndarray, float]:
+    best, best_value = start, evaluate(task, start[None], blind)[0]
+    cma = _cma(task, start, task.budget["sigma"])
+    for _ in range(task.budget["generations"]):
+        points = _ask(task, cma)
+        values = evaluate(task, points, blind)
+        _tell(task, cma, points, values)
+        if values.max() > best_value:
+            best, best_value = points[np.argmax(values)], values.max()
+    return best, float(best_value)
+
+
+def _cma(task: Task, start: np.ndarray, sigma: float) -> CMA:
     low, high = task.system.inputs.bounds
-    return float(programs(task.system).predict(task.model, task.rho, (low + high)[None] / 2).first[0])
+    unit, seed = np.tile([0.0, 1.0], (len(low), 1)), int(task.rng.integers(2**31))
+    return CMA((start - low) / (high - low), sigma, bounds=unit, seed=seed, population_size=POPULATION)
+
+
+def _ask(task: Task, cma: CMA) -> np.ndarray:
+    low, high = task.system.inputs.bounds
+    return low + np.array([cma.ask() for _ in range(POPULATION)]) * (high - low)
+
+
+def _tell(task: Task, cma: CMA, points: np.ndarray, values: np.ndarray) -> None:
+    low, high = task.system.inputs.bounds
+    cma.tell([((point - low) / (high - low), -value) for point, value in zip(points, values, strict=True)])
+
+
+def _refine(task: Task, best: np.ndarray, value: float, blind: bool) -> tuple[np.ndarray, float]:
+    # Contact bends the criterion within a hundredth of the range, so every gradient is followed in a batch of
+    # steps of all sizes; a quasi-Newton method would spend its gradients on backtracking.
+    low, high = task.system.inputs.bounds
+    sure = len(task.beliefs) == 1  # a gradient for every belief would cost more than the whole search
+    for _ in range(task.budget["gradients"] if sure else 0):
+        slope = _gradient(task, best, blind) * (high - low)
+        if not (np.isfinite(slope).all() and slope.any()):
+            break
+        line = best + STEPS[:, None] * slope / np.linalg.norm(slope) * (high - low)
+        values = evaluate(task, line.clip(low, high), blind)
+        if values.max() <= value:
+            break
+        best, value = line.clip(low, high)[np.argmax(values)], float(values.max())
+    return best, value
+
+
+def _gradient(task: Task, design: np.ndarray, blind: bool) -> np.ndarray:
+    model = remove_contact(task.model) if blind else task.model
+    climb, name = programs(task.system).climb, task.budget["criterion"]
+    return np.asarray(climb(name, model, task.beliefs[0], design, task.known, blind)[1])
+
+
+def _draws(task: Task, count: int) -> np.ndarray:
+    low, high = task.system.inputs.bounds
+    return task.rng.uniform(low, high, (count, len(low)))
+
+
+def evaluate(task: Task, candidates: np.ndarray, blind: bool = False) -> np.ndarray:
+    """Criterion of the accumulated information for `candidates` (n, d), its mean over the beliefs: shape (n,).
+
+    Where a belief cannot be simulated, the candidate is worth less than nothing learnt.
+    """
+    model = remove_contact(task.model) if blind else task.model
+    rows = np.tile(task.beliefs, (len(candidates), 1))
+    point = programs(task.system).linearise(model, rows, np.repeat(candidates, len(task.beliefs), 0))
+    slopes = point.motion if blind else point.sensitivity
+    with np.errstate(over="ignore", invalid="ignore"):
+        information = task.known + slopes.transpose(0, 2, 1) @ slopes
+    values = _criterion(task, information)
+    values = np.where(np.isfinite(values), values, _nothing(task) - 1)
+    return values.reshape(len(candidates), -1).mean(1)
+
+
+def _criterion(task: Task, information: np.ndarray) -> np.ndarray:
+    # Filled up to one width: every other shape would compile again.
+    count = len(information)
+    fill = np.arange(-(-count // WIDTH) * WIDTH) % count
+    parts = information[fill].reshape(-1, WIDTH, *information.shape[1:])
+    return np.concatenate([_compiled(task.budget["criterion"])(part) for part in parts])[:count]
+
+
+@cache
+def _compiled(criterion: str) -> Callable:
+    return jax.jit(jax.vmap(CRITERIA[criterion]))
+
+
+def _nothing(task: Task) -> float:
+    """Value of an experiment that tells nothing."""
+    return float(_criterion(task, task.known[None])[0])
 
 
 def contact_blind(task: Task) -> Design:
@@ -132,13 +212,12 @@ def uniform(task: Task) -> Design:
 
 
 def best_of_n(task: Task) -> Design:
-    """The best, by the same criterion, of as many uniform draws as `fisher` may simulate."""
-    low, high = task.system.inputs.bounds
-    budget = task.budget
-    count = budget["spread"] + POPULATION * budget["generations"] + budget["gradients"] * (1 + len(low))
-    draws = task.rng.uniform(low, high, (count, len(low)))
+    """The best, by the same criterion and beliefs, of as many uniform draws as `fisher` may simulate."""
+    draws = _draws(task, task.budget["spread"])
     values = evaluate(task, draws)
-    return Design(draws[np.argmax(values)], float(values.max()), count)
+    more = _draws(task, _allowance(task, not _touching(task, values)) - len(draws))
+    draws, values = np.vstack([draws, more]), np.append(values, evaluate(task, more))
+    return Design(draws[np.argmax(values)], float(values.max()), len(draws))
 
 
 def multisine(task: Task) -> Design:

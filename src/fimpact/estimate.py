@@ -4,15 +4,19 @@ scipy's trust-region reflective least squares does the work: it takes bounds and
 and stops with a reason. (optimistix has no bounds, and a compiled solver would cost a minute of compilation.)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from fimpact.programs import programs
-from fimpact.search import Campaign, Mode, search
+from fimpact.search import Campaign, Mode, posterior_cost, prior_mode, search
 
 SAME_OPTIMUM = 2.0  # difference in log-likelihood below which two starts count as agreeing
+FAR = "far above the noise"  # status of a fit that cannot be right: its estimate and interval claim nothing
+NARROW = 0.1  # relative standard deviation below which draws of the posterior are as good as the estimate
+RESAMPLED = 32  # draws of the Laplace approximation for every draw of the posterior
 
 
 @dataclass(frozen=True)
@@ -28,33 +32,66 @@ class Estimate:
     status: str
 
 
+def untried(campaign: Campaign) -> Estimate:
+    """What is believed before the first experiment: the guess and its prior."""
+    first = prior_mode(campaign)
+    return Estimate(campaign.guess, first.spread**2, 0.0, 1.0, [first], "prior")
+
+
 def estimate(campaign: Campaign, settings: dict, carried: list[Mode], rng: np.random.Generator) -> Estimate:
     """The estimate from all recordings of `campaign`.
 
-    A fit whose residual is far above the noise is a wrong optimum; the search is then repeated with twice the
-    draws, also around what was found, at most `settings["retries"]` times. No truth is used in that.
+    What earlier rounds found is fitted first. If that does not explain the new recording, a search goes on around it;
+    if that does not come down to the noise either, the optimum is a wrong one and the search is repeated from the
+    prior with twice the draws and population, at most `settings["retries"]` times. No truth is used in that.
     """
+    fits = _fit(campaign, [mode.rho for mode in carried[:1]], settings)
     for attempt in range(settings["retries"] + 1):
-        starts = search(campaign, settings, carried, rng, 2**attempt)[: settings["polish"]]
-        fits = [fit for fit in (_polish(campaign, start, settings) for start in starts) if fit is not None]
-        if not fits:
-            break
-        fits.sort(key=lambda fit: fit.cost)
-        carried = [_mode(fit) for fit in fits]
-        if fits[0].cost < _noise_floor(campaign):
+        settled = bool(fits) and _at_noise(campaign, fits[0])
+        first, *others = search(campaign, settings, carried, rng, 2**attempt, settled)[: settings["polish"]]
+        fits = sorted(fits + _fit(campaign, [first], settings), key=_cost)
+        if attempt == settings["retries"] or (fits and _at_noise(campaign, fits[0])):
+            fits = sorted(fits + _fit(campaign, others, settings), key=_cost)[: settings["polish"]]
             break
     if not fits:
         nothing = np.full((len(campaign.guess),) * 2, np.nan)
         return Estimate(campaign.guess * np.nan, nothing, np.inf, 0.0, carried, "failed: no start could be simulated")
-    return _conclude(fits, carried)
+    return _conclude(campaign, fits)
 
 
-def _conclude(fits: list[OptimizeResult], carried: list[Mode]) -> Estimate:
-    best = fits[0]
+def beliefs(campaign: Campaign, found: Estimate, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draws of what is believed after `found`, shape (k, p) with k at most `count`; no truth is used.
+
+    Draws around the estimate are resampled by what the recordings say to them: after silent experiments those stay
+    that would have been silent. A narrow posterior is its estimate alone; a fit far above the noise is not believed,
+    and the prior is.
+    """
+    mode = prior_mode(campaign) if found.status == FAR else found.carried[0]
+    if np.sqrt((mode.spread**2).sum(1).max()) < NARROW:
+        return mode.rho[None]
+    half = rng.standard_normal((RESAMPLED * count // 2, len(mode.rho)))
+    unit = np.stack([half, -half], 1).reshape(-1, len(mode.rho))  # in pairs around the mode: few draws, but balanced
+    draws = campaign.clip(mode.rho + unit @ mode.spread.T)
+    if found.status == FAR or not campaign.recordings:
+        return draws[:count]
+    draws, unit = np.vstack([draws, mode.rho]), np.vstack([unit, 0 * unit[0]])  # and the mode itself
+    weight = (unit**2).sum(1) / 2 - posterior_cost(campaign, draws)
+    weight = np.exp(weight - weight.max())
+    return draws[np.unique(rng.choice(len(draws), count, p=weight / weight.sum()))]
+
+
+def _conclude(campaign: Campaign, fits: list[OptimizeResult]) -> Estimate:
+    best, carried = fits[0], [_mode(fit) for fit in fits]
     agreeing = [fit.cost - best.cost < SAME_OPTIMUM for fit in fits]
     status = "converged" if sum(agreeing) >= 2 else "few starts agree"
     covariance = carried[0].spread @ carried[0].spread.T
+    if not _at_noise(campaign, best):
+        status, carried = FAR, [*carried, prior_mode(campaign)]
     return Estimate(best.x, covariance, float(best.cost), float(np.mean(agreeing)), carried, status)
+
+
+def _fit(campaign: Campaign, starts: Sequence[np.ndarray], settings: dict) -> list[OptimizeResult]:
+    return [fit for fit in (_polish(campaign, start, settings) for start in starts) if fit is not None]
 
 
 def _mode(fit: OptimizeResult) -> Mode:
@@ -92,7 +129,11 @@ def _polish(campaign: Campaign, start: np.ndarray, settings: dict) -> OptimizeRe
     return fit if np.isfinite(fit.jac).all() else None
 
 
-def _noise_floor(campaign: Campaign) -> float:
-    # Half a chi-squared of all measurements, plus five of its standard deviations.
+def _cost(fit: OptimizeResult) -> float:
+    return fit.cost
+
+
+def _at_noise(campaign: Campaign, fit: OptimizeResult) -> bool:
+    # Half a chi-squared of all measurements, and three of its standard deviations more.
     count = campaign.measured.size
-    return count / 2 + 5 * np.sqrt(count / 2)
+    return bool(fit.cost < count / 2 + 3 * np.sqrt(count / 2))

@@ -7,6 +7,7 @@ import pandas as pd
 
 from fimpact import truth
 from fimpact.design import Task, fisher, uniform
+from fimpact.estimate import beliefs, untried
 from fimpact.information import identifiability
 from fimpact.programs import programs
 from fimpact.search import Campaign
@@ -14,13 +15,18 @@ from fimpact.systems import System, make_system
 from fimpact.trial import draw_truth, information, prior_precision, stream
 
 CLEAR = 0.1  # share of the starting gap that a contact-free candidate keeps
-COLUMNS = "system seed start_contact_steps designed_contact_steps reached".split()
+SHRINK = 0.8  # of the draws' bounds, each time that too few of them stay clear
+COLUMNS = (
+    "system seed start_contact_steps designed_contact_steps reached contact_steps_at_guess reached_at_guess"
+).split()
 
 
 def run_reach(config: dict, system: str, progress: Callable[[str], None]) -> pd.DataFrame:
-    """Designs from first candidates that all stay clear of the surface, simulated at the designer's own estimate.
+    """Designs for what is believed before the first experiment, from first candidates that all stay clear.
 
-    Returns one row per seed; `start_contact_steps` counts, over all first candidates, steps in contact (0).
+    Returns one row per seed. `start_contact_steps` counts, over all first candidates, steps in contact (0).
+    `reached` says whether the design touches when it is run on the seed's truth, as an experiment would;
+    `reached_at_guess` whether it touches on the designer's first guess, which may be too short to touch at all.
     """
     made, rows = make_system(system, config["systems"][system]), []
     for seed in config["reach"]["seeds"]:
@@ -30,33 +36,45 @@ def run_reach(config: dict, system: str, progress: Callable[[str], None]) -> pd.
 
 
 def _reach(config: dict, system: System, seed: int) -> tuple:
-    task = _task(config, system, draw_truth(system, seed)[1], stream(system, seed, "reach"))
-    start = contact_free(task, config["design"]["spread"])
-    theta = task.rho * system.nominal
-    before = sum(truth.simulate(system, theta, design)[1] for design in start)
-    after = truth.simulate(system, theta, fisher(task, start=start).design)[1]
-    return system.name, seed, before, after, int(after > 0)
+    rho, guess = draw_truth(system, seed)
+    task = _task(config, system, guess, stream(system, seed, "reach"))
+    start = contact_free(task, np.vstack([task.beliefs, guess, rho]), config["design"]["spread"])
+    design = fisher(task, start=start).design
+
+    def steps(relative, inputs) -> int:
+        return truth.simulate(system, relative * system.nominal, inputs)[1]
+
+    before = sum(steps(r, inputs) for r in (rho, guess) for inputs in start)
+    on_truth, on_guess = steps(rho, design), steps(guess, design)
+    return system.name, seed, before, on_truth, int(on_truth > 0), on_guess, int(on_guess > 0)
 
 
-def contact_free(task: Task, count: int) -> np.ndarray:
-    """The first `count` uniform draws that never close more than 90 % of the starting gap, shape (count, d)."""
-    kept: list[np.ndarray] = []
+def contact_free(task: Task, rho: np.ndarray, count: int) -> np.ndarray:
+    """The first `count` draws that for no row of `rho` (k, p) close more than 90 % of the gap, shape (count, d).
+
+    They are uniform within bounds that shrink until enough of them stay clear: a long arm hardly misses the wall.
+    A row of `rho` that starts in contact has no start without; it is left out.
+    """
+    middle = np.mean(task.system.inputs.bounds, 0)
+    rho = rho[programs(task.system).predict(task.model, rho, middle[None]).first > 0]
+    kept, share = [], 1.0
     while len(kept) < count:
-        draws = np.array([uniform(task).design for _ in range(4 * count)])
-        seen = programs(task.system).predict(task.model, task.rho, draws)
-        kept.extend(draws[seen.closest > CLEAR * seen.first])
+        draws = middle + share * (np.array([uniform(task).design for _ in range(count)]) - middle)
+        seen = programs(task.system).predict(task.model, np.tile(rho, (count, 1)), np.repeat(draws, len(rho), 0))
+        clear = (seen.closest > CLEAR * seen.first).reshape(count, -1).all(1)
+        kept.extend(draws[clear])
+        share *= SHRINK
     return np.array(kept[:count])
 
 
 def run_identifiability(config: dict, system: str) -> str:
     """Markdown report: what one designed experiment shows, direction by direction, weakest first."""
     made = make_system(system, config["systems"][system])
-    task = _task(config, made, np.ones(len(made.nominal)), stream(made, 0, "identifiability"))
+    rho = np.ones(len(made.nominal))
+    task = _task(config, made, rho, stream(made, 0, "identifiability"), sure=True)
     chosen = fisher(task).design
-    campaign = Campaign(
-        made, task.model, (truth.run(made, made.nominal, chosen, 0.0),), task.rho, made.settings["prior"]
-    )
-    report = identifiability(information(campaign, task.rho), [p.name for p in made.parameters], campaign.prior_sd)
+    campaign = Campaign(made, task.model, (truth.run(made, made.nominal, chosen, 0.0),), rho, made.settings["prior"])
+    report = identifiability(information(campaign, rho), [p.name for p in made.parameters], campaign.prior_sd)
     lines = [
         f"- eigenvalue {value:.3g}: {words}" for value, words in zip(report.eigenvalues, report.verdict, strict=True)
     ]
@@ -70,6 +88,8 @@ def run_identifiability(config: dict, system: str) -> str:
     )
 
 
-def _task(config: dict, system: System, rho: np.ndarray, rng: np.random.Generator) -> Task:
+def _task(config: dict, system: System, rho: np.ndarray, rng: np.random.Generator, sure: bool = False) -> Task:
     campaign = Campaign(system, system.template, (), rho, system.settings["prior"])
-    return Task(system, campaign.model, rho, prior_precision(campaign), 0, 1, config["design"], rng)
+    draws = beliefs(campaign, untried(campaign), config["design"]["draws"], rng)
+    believed = rho[None] if sure else draws
+    return Task(system, campaign.model, believed, prior_precision(campaign), 0, 1, config["design"], rng)

@@ -7,6 +7,8 @@ import pandas as pd
 
 from fimpact.measures import BASELINE, DESIGNED, errors, final, information_ratio, once, reduction, touched
 
+FAR = "far above the noise"  # as fimpact.estimate says it, which this module does not load
+
 
 def summarise(trials: pd.DataFrame, diagnostics: pd.DataFrame, reach: pd.DataFrame) -> pd.DataFrame:
     """One row per system and method: final error, reductions, information, contact, failures, estimator, time.
@@ -21,19 +23,39 @@ def summarise(trials: pd.DataFrame, diagnostics: pd.DataFrame, reach: pd.DataFra
         checks = diagnostics[diagnostics.system == system]
         rows += [{"system": system, **row} for row in _methods(part, checks)]
     summary = pd.DataFrame(rows)
-    free = reach[reach.start_contact_steps == 0].groupby("system").reached.mean()
-    summary["reached"] = summary.system.map(free).where(summary.method == DESIGNED)
+    free = reach[reach.start_contact_steps == 0].groupby("system")
+    for name in ("reached", "reached_at_guess"):
+        summary[name] = summary.system.map(free[name].mean()).where(summary.method == DESIGNED)
     return summary
 
 
-def coverage(diagnostics: pd.DataFrame) -> pd.DataFrame:
-    """Share of seeds whose final 95 % interval holds the truth, per system, method and parameter."""
-    last = diagnostics[diagnostics["round"] == diagnostics.groupby("system")["round"].transform("max")]
+def coverage(diagnostics: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
+    """Share of seeds whose final 95 % interval holds the truth, per system, method and parameter.
+
+    A fit that stayed far above the noise claims no interval: it is `withheld`, and not among the `seeds`.
+    """
+    last = _claims(diagnostics, trials)
+    last = last[last["round"] == last.groupby("system")["round"].transform("max")]
     groups = last.groupby(["system", "method", "parameter"], sort=False)
     table = groups.agg(
-        covered=("covered", "mean"), standard_error=("standard_error", "median"), seeds=("covered", "count")
+        covered=("claimed", "mean"),
+        standard_error=("standard_error", "median"),
+        seeds=("claimed", "count"),
+        withheld=("withheld", "sum"),
     )
     return table.reset_index()
+
+
+def _claims(diagnostics: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
+    keys = ["system", "method", "seed", "round"]
+    status = trials.drop_duplicates(keys)[[*keys, "status"]]
+    table = diagnostics.merge(status, on=keys, how="left", validate="many_to_one")
+    withheld = table.status == FAR
+    return table.assign(
+        withheld=withheld.astype(int),
+        claimed=table.covered.astype(float).mask(withheld),
+        standard_error=table.standard_error.mask(withheld),
+    )
 
 
 def reduction_curve(sweep: pd.DataFrame) -> pd.DataFrame:
@@ -51,7 +73,7 @@ def reduction_curve(sweep: pd.DataFrame) -> pd.DataFrame:
 def _methods(trials: pd.DataFrame, diagnostics: pd.DataFrame) -> Iterator[dict]:
     error = final(errors(trials))
     designed = diagnostics[diagnostics["round"] > 0]
-    cover = designed[designed["round"] == trials["round"].max()].groupby("method").covered.mean()
+    claims = _claims(designed[designed["round"] == trials["round"].max()], trials).groupby("method").claimed.mean()
     for method, rows in trials.groupby("method", sort=False):
         low, middle, high = error[method].quantile([0.25, 0.5, 0.75])
         yield {"method": method, "seeds": len(error), "final_error": middle, "error_q25": low, "error_q75": high} | (
@@ -59,7 +81,7 @@ def _methods(trials: pd.DataFrame, diagnostics: pd.DataFrame) -> Iterator[dict]:
             | _interval("fisher_reduction", error, DESIGNED, method)
             | _ratio(trials, method)
             | _counts(rows, trials["round"].max(), len(error))
-            | {"coverage": cover.get(method, np.nan)}
+            | {"coverage": claims.get(method, np.nan)}
             | {"candidates": designed[designed.method == method].candidates.median()}
         )
 
@@ -81,6 +103,7 @@ def _counts(rows: pd.DataFrame, last: int, seeds: int) -> dict[str, float]:
     return {
         "touched": touched(rows),
         "failed": rows[rows.status.str.startswith("failed")].seed.nunique(),
+        "withheld": int((ended.status == FAR).sum()),
         "agreement": (ended.status == "converged").sum() / seeds,
         "seconds": once(rows).seconds.sum(),
     }
@@ -96,6 +119,7 @@ COLUMNS = {
     "touched": lambda row: percent(row.touched, 0),
     "starts agree": lambda row: percent(row.agreement, 0),
     "covered": lambda row: percent(row.coverage, 0),
+    "withheld": lambda row: str(row.withheld),
     "failed": lambda row: f"{row.failed} of {row.seeds}",
     "time": lambda row: _duration(row.seconds),
 }
@@ -107,15 +131,27 @@ def to_markdown(summary: pd.DataFrame) -> str:
     rows += [[write(row) for write in COLUMNS.values()] for row in summary.itertuples()]
     table = "\n".join("| " + " | ".join(row) + " |" for row in rows)
     reached = summary.dropna(subset="reached")
-    shares = ", ".join(f"{row.system} {percent(row.reached, 0)}" for row in reached.itertuples())
+    shares = ", ".join(f"{row.system} {_reach(row)}" for row in reached.itertuples())
     return f"{table}\n" + (f"\nDesigns that reached contact from a contact-free start: {shares}.\n" if shares else "")
+
+
+def _reach(row) -> str:
+    return f"{percent(row.reached, 0)} on the truth ({percent(row.reached_at_guess, 0)} on the first guess)"
 
 
 def coverage_to_markdown(table: pd.DataFrame, method: str = DESIGNED) -> str:
     """Coverage of the final 95 % intervals of one method, a line per parameter."""
-    lines = ["| system | parameter | covered | median standard error | seeds |", "|---|---|---|---|---|"]
+    lines = ["| system | parameter | covered | median standard error | seeds | withheld |"]
+    lines += ["|---|---|---|---|---|---|"]
     for row in table[table.method == method].itertuples():
-        cells = (row.system, row.parameter, percent(row.covered, 0), percent(row.standard_error), str(row.seeds))
+        cells = (
+            row.system,
+            row.parameter,
+            percent(row.covered, 0),
+            percent(row.standard_error),
+            str(row.seeds),
+            str(row.withheld),
+        )
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

@@ -14,10 +14,10 @@ import pandas as pd
 
 from fimpact import truth
 from fimpact.design import METHODS, Design, Task
-from fimpact.estimate import Estimate, estimate
+from fimpact.estimate import FAR, Estimate, beliefs, estimate, untried
 from fimpact.information import fisher
 from fimpact.programs import programs
-from fimpact.search import Campaign, Mode
+from fimpact.search import Campaign
 from fimpact.systems import System, make_system
 
 Z95 = 1.959964  # two-sided 95 % quantile of the normal distribution
@@ -90,13 +90,11 @@ def _run(config, system: System, method: str, seeds: list[int], rounds: int, pro
 def _run_seed(config, system: System, method: str, seed: int, rounds: int) -> Ledger:
     rho, guess = draw_truth(system, seed)
     campaign = Campaign(system, system.template, (), guess, system.settings["prior"])
-    first = Mode(guess, np.eye(len(guess)) * campaign.prior_sd)
-    belief = Estimate(guess, first.spread**2, 0.0, 1.0, [first], "prior")
-    ledger = Ledger()
+    belief, ledger = untried(campaign), Ledger()
     _record(ledger, campaign, method, seed, rho, belief, Design(np.zeros(0), np.nan, 0), 0.0)
     for round_ in range(rounds):
         started = time.monotonic()
-        chosen = design_next(config, campaign, belief.rho, method, seed, round_, rounds)
+        chosen = design_next(config, campaign, belief, method, seed, round_, rounds)
         noise = stream(system, seed, "noise", round_).standard_normal((system.steps, len(system.sensor.channels)))
         recording = truth.run(system, rho * system.nominal, chosen.design, noise)
         campaign = replace(campaign, recordings=(*campaign.recordings, recording))
@@ -107,12 +105,16 @@ def _run_seed(config, system: System, method: str, seed: int, rounds: int) -> Le
     return ledger
 
 
-def design_next(config, campaign: Campaign, rho, method: str, seed: int, round_: int, rounds: int) -> Design:
-    """The design of `method` at the current estimate `rho` (p,), given all that was recorded."""
-    system = campaign.system
-    known = prior_precision(campaign) + information(campaign, rho)
+def design_next(
+    config, campaign: Campaign, found: Estimate, method: str, seed: int, round_: int, rounds: int
+) -> Design:
+    """The design of `method` for what is believed after `found`, given all that was recorded."""
+    system, budget = campaign.system, config["design"]
+    gained = 0.0 if found.status == FAR else information(campaign, found.rho)
+    believed = beliefs(campaign, found, budget["draws"], stream(system, seed, "beliefs", round_))
     rng = stream(system, seed, "design", round_)
-    return METHODS[method](Task(system, campaign.model, rho, known, round_, rounds, config["design"], rng))
+    known = prior_precision(campaign) + gained
+    return METHODS[method](Task(system, campaign.model, believed, known, round_, rounds, budget, rng))
 
 
 def prior_precision(campaign: Campaign) -> np.ndarray:

@@ -20,7 +20,7 @@ MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout i
 STAGES = {
     "compile": MODEL,
     "trial": [*MODEL, "tables", "truth", "design", "search", "estimate", "trial"],
-    "reach": [*MODEL, "tables", "truth", "design", "search", "trial", "reach"],
+    "reach": [*MODEL, "tables", "truth", "design", "search", "estimate", "trial", "reach"],
     "tables": ["tables"],
     "summary": ["tables", "measures", "summary"],
     "figures": ["tables", "measures", "summary", "looks", "curve", "figures"],

@@ -12,8 +12,9 @@ files, output = snakemake.input, snakemake.output
 
 with logged(snakemake.log[0]):
     diagnostics = tables.read(files.diagnostics)
-    table = summary.summarise(tables.read(files.trials), diagnostics, tables.read(files.reach))
-    coverage = summary.coverage(diagnostics)
+    trials = tables.read(files.trials)
+    table = summary.summarise(trials, diagnostics, tables.read(files.reach))
+    coverage = summary.coverage(diagnostics, trials)
     tables.write(table, output.summary)
     tables.write(coverage, output.coverage)
     tables.write(summary.reduction_curve(tables.read(files.sweep)), output.curve)
