@@ -22,7 +22,7 @@ from fimpact.mismatch.simulate import Hypothesis
 
 ALARM = 0.04  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
 REFITS = 6  # candidates that are truly refitted in each step
-RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
+RIVAL = 0.6  # share of the best candidate's predicted gain below which a candidate is not refitted
 TRACE = 0.02  # share of what there was to explain that is not worth a further effect
 MEMBERS = 1 / 50  # weight, relative to the best, above which an explanation cannot be told from it
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
