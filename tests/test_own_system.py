@@ -34,6 +34,7 @@ assert np.abs(predicted.measurement[0] * 0.1 - measured.ravel()).max() < 1e-6 * 
 def test_the_readmes_cart_runs_in_both_engines(tmp_path):
     shutil.copytree(ROOT / "src" / "fimpact", tmp_path / "fimpact")
     readme, folder = (ROOT / "README.md").read_text(), tmp_path / "fimpact" / "systems"
+    readme = re.search(r"## Add a system of your own\n(.*?)\n## ", readme, re.DOTALL)[1]
     for language, name in (("xml", "cart.xml"), ("python", "cart.py")):
         (block,) = re.findall(rf"```{language}\n(.*?)```", readme, re.DOTALL)
         (folder / name).write_text(block)
