@@ -282,7 +282,7 @@ def _generalises(rival: Explanation, best: Explanation) -> bool:
     """Whether `rival` says what `best` says, with more coefficients: no other explanation, only a wordier one."""
     special = {(p.effect.name, p.site) for p in best.placed}
     covered = {(name, p.site) for p in rival.placed for name in (p.effect.name, *p.effect.contains)}
-    return special <= covered and rival.deviance > best.deviance
+    return special <= covered
 
 
 def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarray:
