@@ -169,7 +169,7 @@ EFFECTS = (
         family="actuation",
         equation="τ = τ_model + τ₀",
         sentence="The drive pushes with a constant torque even at zero command, from a current sensor's offset.",
-        reference="Janot, Gautier, Brunot, Data set and reference models of EMPS, 2019",
+        reference="Gautier, Janot, Vandanjon, IEEE Trans. Control Systems Technology 21(2), 2013",
         enters="model",
         coefficients=(Coefficient("offset", "N m"),),
         sites=sites.actuators,

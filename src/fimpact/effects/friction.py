@@ -109,7 +109,7 @@ EFFECTS = (
         family="joint friction",
         equation="τ = −F₊ where q̇ > 0, +F₋ where q̇ < 0;  at rest −F₊ ≤ τ ≤ F₋",
         sentence="Dry friction that differs between the two directions, as in preloaded or inclined gears.",
-        reference="Janot, Gautier, Brunot, Data set and reference models of EMPS, 2019",
+        reference="Gautier, Janot, Vandanjon, IEEE Trans. Control Systems Technology 21(2), 2013",
         enters="model",
         coefficients=(Coefficient("forward", "N m", low=0.0), Coefficient("backward", "N m", low=0.0)),
         sites=sites.driven,
