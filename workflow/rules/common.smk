@@ -1,14 +1,20 @@
 import sys
 from pathlib import Path
 
+from fimpact.concealed.plan import case_names, compared
+from fimpact.concealed.settings import check as check_benchmark
 from fimpact.config import check
 
+SCHEMAS = Path(workflow.basedir) / "workflow" / "schemas"
+
 try:
-    check(config, Path(workflow.basedir) / "workflow" / "schemas" / "config.schema.yaml")
+    check({key: table for key, table in config.items() if key != "concealed"}, SCHEMAS / "config.schema.yaml")
+    check_benchmark({"concealed": config["concealed"]}, SCHEMAS / "concealed.schema.yaml")
 except ValueError as error:
     # Snakemake's WorkflowError would put the line number of this file around the one line that matters.
     sys.exit(str(error))
 
+BENCHMARK = config["concealed"]
 SYSTEMS, METHODS = config["select"]["systems"], config["select"]["methods"]
 REFERENCE = [f"{name}.csv" for name in "trials diagnostics sweep reach summary".split()]
 REFERENCE += [f"{name}.png" for name in "panels ablation curve example-arm example-block".split()]
@@ -17,6 +23,15 @@ REFERENCE += ["example-arm.gif", "example-block.gif"]
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
+EFFECTS = (
+    "__init__ actuation amounts base contact drives environment friction native sensing sites structure transmission"
+)
+CORE = "__init__ calibrate colour evidence fit judge name problem pulses scales score simulate starts".split()
+SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
+RIGS = [
+    f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
+]
+LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
 STAGES = {
     "compile": MODEL,
     "trial": [*MODEL, "tables", "truth", "design", "search", "estimate", "trial"],
@@ -24,6 +39,17 @@ STAGES = {
     "tables": ["tables"],
     "summary": ["tables", "measures", "summary"],
     "figures": ["tables", "measures", "summary", "looks", "curve", "figures"],
+    "conceal": [
+        *SHARED,
+        *RIGS,
+        *(f"concealed/{name}" for name in "detect draw motions plan referee seal sizing twins".split()),
+    ],
+    "diagnose": [*SHARED, *LAWS, "concealed/blind"]
+    + [f"mismatch/{name}" for name in "callback diagnose discriminate locate model player resolve".split()],
+    "peers": [*SHARED, *LAWS, "concealed/peers", "mismatch/blackbox", "mismatch/locate"],
+    "score": [*SHARED, *LAWS, *RIGS, *(f"concealed/{name}" for name in "oracle places score seal".split())],
+    "measures": ["__init__", "tables", "concealed/__init__", "concealed/lines", "concealed/measures"],
+    "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks scene stage examples".split(),
 }
 
@@ -102,3 +128,18 @@ def everything():
     drawn = ["panels.svg", "ablation.svg", "curve.svg", "summary.md"]
     simulated = expand(["example-{system}.gif", "identifiability-{system}.md"], system=SYSTEMS)
     return expand("<results>/{name}", name=drawn if "tables" in config else drawn + simulated)
+
+
+def planting():
+    """Package files, and MJCF of the rigs, on which the robots depend."""
+    return code("conceal") + [f"src/fimpact/concealed/{rig}.xml" for rig in BENCHMARK["rigs"]]
+
+
+def part_of_cases(wildcards):
+    """Names of the cases of one part."""
+    return share(case_names(BENCHMARK), wildcards)
+
+
+def parts_of_cases(folder):
+    """Files of all parts in `folder`."""
+    return scattered(gather.cases, case_names(BENCHMARK), f"<concealed>/{folder}/{{scatteritem}}.jsonl")

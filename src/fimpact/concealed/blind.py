@@ -1,0 +1,114 @@
+"""The blind side of the benchmark: it is given recordings, never what is hidden in them.
+
+Diagnose a case; where the answer is a set, design the experiment that splits it and draw a random one of the same
+limits; once both are played, say which member is left.
+"""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from fimpact.concealed.archive import cases_in, load_recording
+from fimpact.concealed.rows import DONE, Arrays, Report, each, read_rows, runs_of
+from fimpact.mismatch.diagnose import Diagnosis, diagnose, to_json
+from fimpact.mismatch.discriminate import discriminate, limits
+from fimpact.mismatch.model import check_model, write_model
+from fimpact.mismatch.name import MEMBERS
+from fimpact.mismatch.resolve import resolve
+from fimpact.recordings import Recording, Run
+
+WAYS = ("designed", "random")
+
+
+class Stopwatch:
+    """Seconds of each stage, told apart by the first word of the lines of progress."""
+
+    def __init__(self, report: Report, first: str = "preparing"):
+        self._report, self._stage, self._since = report, first, time.perf_counter()
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, line: str) -> None:
+        now = time.perf_counter()
+        self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._since
+        self._stage, self._since = line.split()[0], now
+        self._report(line)
+
+
+def diagnose_case(recording: Recording, report: Report = lambda line: None) -> tuple[dict[str, Any], Arrays]:
+    """All stages of one case.
+
+    Returns:
+        What the diagnosis says, in plain types, with the members of its answer as values, the export's relative
+        difference and the seconds of each stage; and the experiments, ``designed`` and ``random``, or nothing.
+    """
+    watch = Stopwatch(report)
+    diagnosis = diagnose(recording, watch)
+    watch("exporting the improved model")
+    exported = _exported(diagnosis)
+    watch("designing the next experiment")
+    commands, predicted = _experiments(diagnosis)
+    watch("done")
+    members = [{p.name: p.values for p in member.placed} for member in diagnosis.naming.members]
+    own = {"members": members, "exported": exported, "experiment": predicted, "seconds": watch.seconds}
+    return {"status": DONE, **to_json(diagnosis), **own}, commands
+
+
+def _exported(diagnosis: Diagnosis) -> float | None:
+    with TemporaryDirectory() as folder:
+        return check_model(diagnosis, folder) if write_model(diagnosis, folder) else None
+
+
+def _experiments(diagnosis: Diagnosis) -> tuple[Arrays, dict[str, float]]:
+    members = diagnosis.naming.members
+    if len(members) < 2:
+        return {}, {}
+    best = discriminate(diagnosis.bench, diagnosis.recording, members)
+    allowed, rng = limits(diagnosis.bench, diagnosis.recording), np.random.default_rng(1)
+    random = allowed.unpack(rng.uniform(allowed.low, np.maximum(allowed.high, allowed.low + 1e-9)))
+    parts = {"designed": (best.ctrl, best.qpos, best.qvel), "random": random}
+    commands = {
+        f"{way}/{name}": array
+        for way, arrays in parts.items()
+        for name, array in zip(("ctrl", "qpos", "qvel"), arrays, strict=True)
+    }
+    return commands, {"separation": best.separation, "random": best.random, "repeats": best.repeats}
+
+
+def resolve_case(recording: Recording, row: dict[str, Any], played: dict[str, Run]) -> dict[str, Any]:
+    """What the members of a set weigh once each experiment in `played` (way -> its run) is added, way by way."""
+    return {way: _resolved(recording, row["members"], run) for way, run in played.items()}
+
+
+def _resolved(recording: Recording, members: Sequence[dict], run: Run) -> dict[str, Any]:
+    since = time.perf_counter()
+    ranked = resolve(recording, [run], members)
+    left = [e.name for e in ranked if e.weight >= MEMBERS * ranked[0].weight]
+    weights = {e.name: e.weight for e in ranked}
+    return {"answer_set": left, "weights": weights, "seconds": time.perf_counter() - since}
+
+
+def diagnose_part(recordings: Path, report: Report) -> tuple[list[dict[str, Any]], Arrays]:
+    """Every case in the folder `recordings`: a row each, and the experiments to play, by case/way/name."""
+    commands: Arrays = {}
+
+    def work(case: str) -> dict[str, Any]:
+        row, own = diagnose_case(load_recording(recordings, case), report)
+        commands.update({f"{case}/{name}": array for name, array in own.items()})
+        return row
+
+    return list(each(cases_in(recordings), work, report)), commands
+
+
+def resolve_part(recordings: Path, diagnoses: Path, commands: Arrays, played: Arrays, report: Report) -> list[dict]:
+    """A row for every case whose experiments were played: what each of them leaves of the set."""
+    rows, runs = read_rows(diagnoses), runs_of(commands | played)
+    ways = {case: {w: runs[f"{case}/{w}"] for w in WAYS if f"{case}/{w}" in runs} for case in rows}
+
+    def work(case: str) -> dict[str, Any]:
+        return resolve_case(load_recording(recordings, case), rows[case], ways[case])
+
+    return list(each([case for case, own in ways.items() if own], work, report))

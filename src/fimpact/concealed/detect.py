@@ -1,0 +1,176 @@
+"""How visible an effect is to an oracle: its whitened trace in the training windows, nuisance projected off.
+
+Everything here is computed on coarse copies, whose step is the naive model's.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from fimpact.concealed.motions import Motion
+from fimpact.concealed.rigs import Rig
+from fimpact.concealed.world import DRIVEN, FULL, new_world
+
+PIECES = 5  # in which a window's disturbance is described
+SPREAD = 1e-6  # smallest information on a start, relative to its largest: keeps unseen directions solvable
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Starts (W, 2 nv) and commands (W, n, nu) of windows; row in `states` and first sample of each, (W,)."""
+
+    start: np.ndarray
+    ctrl: np.ndarray
+    row: np.ndarray
+    first: np.ndarray
+
+
+@dataclass(frozen=True)
+class Tangents:
+    """Whitened sensitivities of the windows, (W, n ny, columns): to starts, unknowns and unit disturbance."""
+
+    start: np.ndarray
+    unknown: np.ndarray
+    push: np.ndarray | None = None
+
+
+def cut(rig: Rig, motion: Motion, states: np.ndarray, runs: np.ndarray) -> Windows:
+    """Windows of the runs numbered `runs`, starting on `states` (runs, T, 2 nv)."""
+    length = round(rig.window / rig.period) or rig.samples
+    first = np.arange(0, rig.samples - length + 1, length)
+    row, run, first = (
+        np.repeat(np.arange(len(runs)), len(first)),
+        np.repeat(runs, len(first)),
+        np.tile(first, len(runs)),
+    )
+    ctrl = np.stack([motion.ctrl[r, f : f + length] for r, f in zip(run, first, strict=True)])
+    return Windows(states[row, first], ctrl, row, first)
+
+
+def gather(windows: Windows, samples: np.ndarray) -> np.ndarray:
+    """The windows of an array of runs, (runs, T, ...) -> (W, n, ...)."""
+    length = windows.ctrl.shape[1]
+    return np.stack([samples[r, f : f + length] for r, f in zip(windows.row, windows.first, strict=True)])
+
+
+def models(rig: Rig, errors: np.ndarray) -> mujoco.MjModel:
+    """Coarse naive model whose unknowns are off by `errors` (p,)."""
+    return new_world(rig, errors, fine=False).spec.compile()
+
+
+def predict(rig: Rig, model, start: np.ndarray, ctrl: np.ndarray, push: np.ndarray | None = None) -> np.ndarray:
+    """Whitened measurements (W, n ny) from starts (W, 2 nv); push: generalised forces per coarse step (W, N, nv)."""
+    steps = ctrl.shape[1] * rig.coarse
+    drive = np.repeat(ctrl, rig.coarse, axis=1)
+    push = np.zeros((len(start), steps, rig.naive.nv)) if push is None else push
+    first = np.zeros((len(start), mujoco.mj_stateSize(rig.naive, FULL)))
+    first[:, 1 : 1 + start.shape[1]] = start
+    control = np.concatenate([drive, push], axis=2)
+    _, sensed = rollout.rollout(model, mujoco.MjData(rig.naive), first, control, control_spec=int(DRIVEN))
+    return (sensed[:, :: rig.coarse, rig.columns] / rig.sd).reshape(len(start), -1)
+
+
+def tangents(rig: Rig, errors: np.ndarray, windows: Windows, pushed: bool) -> Tangents:
+    """Secants about the windows; `pushed` adds the sensitivity to the disturbance."""
+    model, nv = models(rig, errors), rig.naive.nv
+    base = predict(rig, model, windows.start, windows.ctrl)
+    start = [
+        (predict(rig, model, windows.start + size * np.eye(2 * nv)[i], windows.ctrl) - base) / size
+        for i, size in enumerate([1e-4] * nv + [1e-3] * nv)
+    ]
+    unknown = [
+        (predict(rig, models(rig, errors + size * np.eye(len(errors))[i]), windows.start, windows.ctrl) - base) / size
+        for i, size in enumerate([0.01 * u.sd for u in rig.unknowns])
+    ]
+    push = _pulses(rig, model, windows, base) if pushed else None
+    return Tangents(np.stack(start, axis=2), np.stack(unknown, axis=2), push)
+
+
+def _pulses(rig, model, windows, base):
+    """Sensitivity to the generalised force, in units of `rig.disturbance`, over each of `PIECES`."""
+    count, size, out = windows.ctrl.shape[1] * rig.coarse, 1e-2, []
+    length = -(-count // PIECES)
+    for dof in range(rig.naive.nv):
+        for begin in range(0, count, length):
+            push = np.zeros((len(windows.start), count, rig.naive.nv))
+            push[:, begin : begin + length, dof] = size * rig.disturbance[dof]
+            out.append((predict(rig, model, windows.start, windows.ctrl, push) - base) / size)
+    return np.stack(out, axis=2)
+
+
+def coloured(rig: Rig, push: np.ndarray, correlation: float) -> np.ndarray:
+    """Response (W, n ny, k) to unit-variance OU disturbance of this correlation time, as independent columns."""
+    piece = (rig.window or rig.duration) / PIECES
+    lag = np.abs(np.subtract.outer(np.arange(PIECES), np.arange(PIECES))) * piece
+    root = np.linalg.cholesky(np.exp(-lag / correlation) + 1e-9 * np.eye(PIECES))
+    return push @ np.kron(np.eye(rig.naive.nv), root)
+
+
+def loudness(rig: Rig, tangent: Tangents, response: np.ndarray) -> float:
+    """By how much unit disturbance raises the mean squared whitened residual after fitting the starts."""
+    left = response - tangent.start @ np.linalg.solve(
+        _start_information(rig, tangent.start), _t(tangent.start) @ response
+    )
+    return float(np.sum(left**2) / (response.shape[0] * response.shape[1]))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Gram matrix of projected traces (k, k), and squared lengths before any and after the starts' projection (k,)."""
+
+    gram: np.ndarray
+    raw: np.ndarray
+    after_start: np.ndarray
+
+    @property
+    def size(self) -> np.ndarray:
+        """Non-centrality lambda of each trace, (k,)."""
+        return np.diag(self.gram)
+
+    @property
+    def concealment(self) -> tuple[np.ndarray, np.ndarray]:
+        """kappa, and kappa of the unknowns alone with the starts projected off first, (k,) each."""
+        tiny = np.finfo(float).tiny
+        return 1 - self.size / np.maximum(self.raw, tiny), 1 - self.size / np.maximum(self.after_start, tiny)
+
+    def left(self, one: int, other: int) -> tuple[float, float]:
+        """Cosine of two projected traces, and what is left of lambda of `one` when `other` is known too."""
+        cosine = self.gram[one, other] / np.sqrt(
+            max(self.gram[one, one] * self.gram[other, other], np.finfo(float).tiny)
+        )
+        return float(cosine), float(self.gram[one, one] * (1 - cosine**2))
+
+
+def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> Seen:
+    """What an oracle sees of whitened `traces` (W, n ny, k) among disturbance `noise` (W, n ny, m) and white noise.
+
+    The unknowns are projected off within their priors, the starts of the windows as far as they are unknown.
+    """
+    white = _whitener(noise)
+    traces, unknown, start = (white(a) for a in (traces, tangent.unknown, tangent.start))
+    both = np.concatenate([traces, unknown], axis=2)
+    cross = _t(start) @ both
+    gram = np.sum(_t(both) @ both - _t(cross) @ np.linalg.solve(_start_information(rig, start), cross), axis=0)
+    k = traces.shape[2]
+    prior = np.diag([u.sd**-2.0 for u in rig.unknowns])
+    absorbed = gram[:k, k:] @ np.linalg.solve(gram[k:, k:] + prior, gram[k:, :k])
+    return Seen(gram[:k, :k] - absorbed, np.sum(traces**2, axis=(0, 1)), np.diag(gram)[:k])
+
+
+def _t(array):
+    return array.transpose(0, 2, 1)
+
+
+def _start_information(rig, start):
+    gram = _t(start) @ start
+    ridge = SPREAD * gram.max(axis=(1, 2))[:, None, None] * np.eye(start.shape[2]) * 1e-4
+    return gram + ridge + np.diag(rig.start_sd**-2.0)
+
+
+def _whitener(noise):
+    """Inverse root of 1 + noise noise^T, window by window."""
+    q, s, _ = np.linalg.svd(noise, full_matrices=False)
+    shrink = 1 - 1 / np.sqrt(1 + s**2)
+    return lambda a: a - q @ (shrink[:, :, None] * (_t(q) @ a))

@@ -1,0 +1,181 @@
+"""Drawing a case: a robot, its motions and what is hidden in it, all from one seed."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fimpact.concealed.motions import Motion, draw_motion
+from fimpact.concealed.plants import PLANTS
+from fimpact.concealed.rigs import RIGS, Rig, rig_of
+from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, seen, set_stage
+from fimpact.concealed.strangers import STRANGERS, known
+from fimpact.concealed.truth import CLOCK, Planted, Truth, clean, measure, slips
+from fimpact.concealed.twins import TWINS
+from fimpact.recordings import Recording, Run
+
+KINDS = ("single", "null", "double", "outside", "twin")
+LAMBDA = {"single": (3.0, 3000.0), "double": (30.0, 3000.0), "outside": (30.0, 3000.0), "twin": (30.0, 300.0)}
+HIDDEN = 0.9  # concealment that half of the cases insist on
+INDISTINCT = 4.0  # non-centrality below which even an oracle cannot tell two effects apart
+ATTEMPTS = 24
+INSISTENCE = 4  # draws for which half of the cases insist on being hidden
+
+
+def draw_case(
+    index: int, kind: str, seed: int = 0, system: str = "", spans: dict | None = None
+) -> tuple[Recording, Truth]:
+    """The recording of case `index` of a kind, and the truth behind it.
+
+    Equal arguments give equal bytes. Indices run through all effects of the kind, in every rig where they can act.
+
+    Args:
+        kind: one of `KINDS`. system: draw in this rig only; "": in all.
+        spans: kind -> smallest and largest non-centrality, instead of `LAMBDA`.
+
+    Raises:
+        ValueError: an unknown kind or system, or nothing of this kind fits in that rig.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"no kind is called {kind!r}; there are {', '.join(KINDS)}")
+    low, high = (LAMBDA | (spans or {})).get(kind, (1.0, 1.0))
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng([seed, index, KINDS.index(kind), attempt])
+        # The first attempts share their target, or hidden and faint effects would crowd out strong ones.
+        aim = np.random.default_rng([seed, index, KINDS.index(kind), 99 if attempt < ATTEMPTS // 3 else attempt])
+        target = float(np.exp(aim.uniform(np.log(low), np.log(high))))
+        try:
+            return _draw(rng, index, kind, system, target, attempt, (seed, index, KINDS.index(kind), attempt))
+        except Unfit:
+            continue
+    raise ValueError(f"case {index} ({kind}, {system or 'any rig'}) found no fit in {ATTEMPTS} draws; try another seed")
+
+
+def _draw(rng, index, kind, system, target, attempt, seed):
+    rig, choice, style = _choose(rng, index, kind, system)
+    motion = draw_motion(rig, rng, style, _dof(rig, choice))
+    stage, nuisance = _nuisance(rng, rig, motion)
+    traces = tuple(_place(rng, stage, name, site, target) for name, site in choice[: 2 if kind == "double" else 1])
+    rival, together = None, _together(stage, traces)
+    if kind == "twin":
+        rival, cosine, left = _rival(rng, stage, choice, traces[0])
+        together |= {"cosine": cosine, "left": left}
+    if kind == "single" and index % 2 and attempt < INSISTENCE and together["kappa"] < HIDDEN:
+        raise Unfit("not hidden enough")
+    effects = tuple(_planted(stage, site, t, name) for (name, site), t in zip(choice, traces, strict=False))
+    truth = Truth(kind=kind, system=rig.name, effects=effects, rival=rival, seed=seed, **together, **nuisance)
+    return record(truth, motion), truth
+
+
+def _choose(rng, index, kind, system) -> tuple[Rig, list[tuple[str, str]], str]:
+    """Rig, (effect, site) pairs and style of motion."""
+    rigs = [rig_of(system)] if system else list(RIGS.values())
+    if kind == "null":
+        return rigs[index % len(rigs)], [], "lively"
+    if kind == "twin":
+        return _choose_twins(rng, index, rigs)
+    shelf = STRANGERS if kind == "outside" else PLANTS
+    pool = [(rig, name) for name, p in shelf.items() for rig in rigs if rig.name in p.sites]
+    if not pool:
+        raise ValueError(f"nothing of kind {kind!r} can act in {system!r}")
+    # A fixed shuffle, so that the first cases of a small benchmark are not all of one family.
+    rig, name = pool[np.random.default_rng(7).permutation(len(pool))[index % len(pool)]]
+    first = (name, str(rng.choice(shelf[name].sites[rig.name])))
+    return rig, [first] + ([_another(rng, rig, first)] if kind == "double" else []), "lively"
+
+
+def _another(rng, rig, first):
+    others = [(n, s) for n, p in PLANTS.items() for s in p.sites.get(rig.name, ()) if n != first[0] and s != first[1]]
+    return others[rng.integers(len(others))]
+
+
+def _choose_twins(rng, index, rigs):
+    pool = [(rig, twin) for twin in TWINS for rig in rigs if rig.name in twin.systems]
+    if not pool:
+        raise ValueError(f"no twins can be made in {', '.join(r.name for r in rigs)}; leave out the system")
+    rig, twin = pool[index % len(pool)]
+    names = list(twin.names) if rng.random() < 0.5 else list(twin.names[::-1])
+    place = rng.integers(len(known(names[0]).sites[rig.name]))
+    return rig, [(n, known(n).sites[rig.name][place]) for n in names], twin.style
+
+
+def _dof(rig, choice):
+    """Degree of freedom that the motion is about: the one of the first site's number."""
+    last = choice[0][1][-1] if choice else "1"
+    return int(last) - 1 if last.isdigit() and not rig.throws() else 0
+
+
+def _nuisance(rng, rig: Rig, motion: Motion) -> tuple[Stage, dict]:
+    """Everything that is wrong with the naive model without being an effect."""
+    errors = rng.normal(size=len(rig.unknowns)) * [u.sd for u in rig.unknowns]
+    errors = np.clip(errors, *np.array([[-1], [1]]) * [0.2 if u.sd > 0.05 else 2 * u.sd for u in rig.unknowns])
+    start = motion.start + slips(rig) * rng.standard_normal(motion.start.shape)
+    offset = rng.uniform(0, CLOCK, len(start))
+    correlation, raised = rng.uniform(0.05, 0.1), rng.uniform(0.05, 0.2)
+    stage = set_stage(rig, motion, errors, start, correlation, raised)
+    return stage, {
+        "errors": tuple(errors.tolist()),
+        "start": tuple(map(tuple, start.tolist())),
+        "offset": tuple(offset.tolist()),
+        "noise": tuple(rig.sd.tolist()),
+        "disturbance": stage.disturbance,
+        "correlation": correlation,
+    }
+
+
+def _place(rng, stage: Stage, name: str, site: str, target: float) -> Trace:
+    plant = known(name)
+    shape = plant.shape(rng, stage.rig, stage.motion, site)
+    sign = -1.0 if plant.signed and rng.random() < 0.5 else 1.0
+    return fit_size(stage, name, site, plant, shape, sign, target)
+
+
+def _together(stage, traces) -> dict:
+    """Visibility of everything planted, as one."""
+    if not traces:
+        return {"lam": 0.0, "kappa": 0.0, "kappa_unknown": 0.0, "cosine": 0.0, "left": 0.0}
+    whole = replace(traces[0], change=sum(t.change for t in traces))
+    kappa, unknown = concealment(stage, whole)
+    cosine, left = seen(stage, *traces).left(0, 1) if len(traces) == 2 else (0.0, 0.0)
+    lam = float(seen(stage, whole).size[0])
+    return {"lam": lam, "kappa": kappa, "kappa_unknown": unknown, "cosine": cosine, "left": left}
+
+
+def _planted(stage: Stage, site: str, found: Trace, name: str) -> Planted:
+    lam, (kappa, unknown) = float(seen(stage, found).size[0]), concealment(stage, found)
+    mode = known(name).mode if stage.rig.naive.npair else "free"
+    values = {key: float(value) for key, value in found.values.items()}
+    return Planted(name, site, values, lam, kappa, unknown, mode)
+
+
+def _rival(rng, stage, choice, own: Trace) -> tuple[Planted, float, float]:
+    """The other twin, sized alike; Unfit unless the recordings cannot tell the two apart."""
+    (name, site), plant = choice[1], known(choice[1][0])
+    shape = plant.shape(rng, stage.rig, stage.motion, site)
+    lam = seen(stage, own).size[0]
+    for sign in (1.0, -1.0) if plant.signed else (1.0,):
+        other = fit_size(stage, name, site, plant, shape, sign, lam)
+        cosine, left = seen(stage, own, other).left(0, 1)
+        if cosine > 0.9 and left < INDISTINCT:
+            return _planted(stage, site, other, name), cosine, left
+    raise Unfit("the recordings tell the twins apart")
+
+
+def record(truth: Truth, motion: Motion) -> Recording:
+    """The recording that this truth and these motions give."""
+    rig = rig_of(truth.system)
+    played, _ = clean(truth, np.array(truth.start), motion.ctrl, truth.offset, stream=0)
+    measured = measure(truth, played.samples, stream=0)
+    nv, believed = rig.naive.nv, np.isfinite(rig.start_sd).all()
+    runs = tuple(
+        Run(
+            f"run_{i + 1:02d}",
+            motion.ctrl[i],
+            measured[i],
+            bool(motion.held_out[i]),
+            motion.start[i, :nv] if believed else None,
+            motion.start[i, nv:] if believed else None,
+        )
+        for i in range(len(measured))
+    )
+    unknown_noise = np.full(len(rig.channels), np.nan)
+    return Recording(rig.xml, "", rig.period, rig.channels, runs, rig.unknowns, unknown_noise, rig.start_sd, rig.window)

@@ -1,0 +1,176 @@
+"""The catalogue as it is planted: where, with which values and how strongly at most."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fimpact.concealed import at_bodies as bodies
+from fimpact.concealed import at_joints as joints
+from fimpact.concealed import at_signals as signals
+from fimpact.concealed.planting import Plant, Values
+
+FREE, PRESS, BLOCK = "arm_free", "arm_contact", "block"
+J = tuple(f"joint_{i}" for i in (1, 2, 3))
+M = tuple(f"motor_{i}" for i in (1, 2, 3))
+LINKS = tuple(f"link_{i}" for i in (1, 2, 3))
+ENCODERS = tuple(f"encoder_{i}" for i in (1, 2, 3))
+HAND = ("wrist_force[0]", "wrist_force[1]")
+IMU = ("imu[0]", "imu[2]")
+CAMERA = ("camera_x", "camera_z", "camera_pitch")
+GROUND = {PRESS: ("wall",), BLOCK: ("mat",)}
+TOUCH = {PRESS: ("tip_wall",), BLOCK: ("mat",)}
+
+
+def _arms(sites: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    return {FREE: sites, PRESS: sites}
+
+
+def _one(name: str) -> Callable[..., Values]:
+    return lambda size: {name: size}
+
+
+def _joint(put, name: str, begin: float, most: float, **rest) -> Plant:
+    return Plant(put, _arms(J), _one(name), begin, most, **rest)
+
+
+def _motor(put, name: str, begin: float, most: float, **rest) -> Plant:
+    return Plant(put, _arms(M), _one(name), begin, most, **rest)
+
+
+def _contact(put, sites, name: str, begin: float, most: float, **rest) -> Plant:
+    return Plant(put, sites, _one(name), begin, most, mode="contact", **rest)
+
+
+def _drawn(**ranges) -> Callable[..., Values]:
+    """Shape numbers, each uniform in its range."""
+    return lambda rng, rig, motion, site: {name: float(rng.uniform(*span)) for name, span in ranges.items()}
+
+
+def _with_shape(name: str) -> Callable[..., Values]:
+    """The size under `name`, the shape as it is."""
+    return lambda size, **shape: {name: size, **shape}
+
+
+def _times(size: float, **shape) -> Values:
+    """Every shape number times the size."""
+    return {name: size * value for name, value in shape.items()}
+
+
+def _ratio(rng, rig, motion, site) -> Values:
+    low = rng.uniform(0.2, 0.6)
+    return {"forward": 1.0, "backward": low} if rng.random() < 0.5 else {"forward": low, "backward": 1.0}
+
+
+def _peak(rng, rig, motion, site) -> Values:
+    return {"peak": float(np.abs(motion.ctrl[:, :, rig.naive.actuator(site).id]).max())}
+
+
+def _phase(rng, rig, motion, site) -> Values:
+    angle = rng.uniform(0, 2 * np.pi)
+    return {"sine": np.sin(angle), "cosine": np.cos(angle), "cycles": float(rng.choice([6, 8, 12, 16, 24]))}
+
+
+def _direction(rng, rig, motion, site) -> Values:
+    angle = rng.uniform(0, 2 * np.pi)
+    return {"x": np.cos(angle), "y": np.sin(angle)}
+
+
+def _lean(rng, rig, motion, site) -> Values:
+    way = {"y": 1.0} if rig.throws() else _direction(rng, rig, motion, site)
+    return {f"tilt_{axis}": part for axis, part in way.items()}
+
+
+def _post(rng, rig, motion, site) -> Values:
+    angle, far = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 0.9)
+    return {"anchor_x": far * np.cos(angle), "anchor_y": far * np.sin(angle), "anchor_z": 0.0}
+
+
+def _axis(rng, rig, motion, site) -> Values:
+    return {"turn_y" if rig.throws() else "turn_z": 1.0}
+
+
+# The wrist's force jumps with the commands, at the very instants at which it is read: however short, a delay of it, or
+# a drift of its clock, would read the time before the jump. Neither is planted there.
+PLANTS = {
+    "coulomb": _joint(joints.coulomb, "friction", 0.01, 0.6),
+    "viscous": _joint(joints.viscous, "damping", 0.02, 0.6),
+    "direction_dependent_coulomb": Plant(joints.asymmetric_coulomb, _arms(J), _times, 0.01, 0.6, _ratio),
+    "stribeck": Plant(
+        joints.stribeck,
+        _arms(J),
+        lambda size, share, speed: {"coulomb": size * (1 - share), "excess": size * share, "speed": speed},
+        0.01,
+        0.8,
+        _drawn(share=(0.5, 0.8), speed=(0.2, 0.8)),
+    ),
+    "load_dependent_friction": _joint(joints.load_friction, "coefficient", 0.01, 0.4),
+    "dahl": Plant(joints.dahl, _arms(J), _with_shape("friction"), 0.01, 0.6, _drawn(displacement=(0.03, 0.15))),
+    "quadratic_damping": _joint(joints.quadratic_damping, "damping", 0.002, 0.3),
+    "backlash": _joint(joints.backlash, "gap", 0.002, 0.15),
+    "joint_elasticity": _joint(joints.joint_elasticity, "compliance", 0.001, 0.1),
+    "torque_ripple": Plant(
+        joints.torque_ripple,
+        _arms(J),
+        lambda size, sine, cosine, cycles: {"sine": size * sine, "cosine": size * cosine, "cycles": cycles},
+        0.01,
+        0.6,
+        _phase,
+    ),
+    "efficiency": _joint(joints.efficiency, "loss", 0.01, 0.5),
+    "gain": _motor(signals.gain, "change", 0.01, 0.5, signed=True),
+    "saturation": Plant(signals.saturation, _arms(M), lambda size, peak: {"limit": peak / (1 + size)}, 0.3, 4.0, _peak),
+    "command_delay": _motor(signals.command_delay, "delay", 0.001, 0.05),
+    "actuator_lag": _motor(signals.actuator_lag, "time", 0.001, 0.08),
+    "rotor_inertia": _joint(joints.rotor_inertia, "inertia", 5e-4, 0.1),
+    "torque_offset": _motor(signals.torque_offset, "offset", 0.003, 0.8, signed=True),
+    "payload": Plant(
+        bodies.payload, _arms(LINKS), _with_shape("mass"), 0.02, 1.0, lambda rng, rig, motion, site: {"place": 0.3}
+    ),
+    "com_shift": Plant(bodies.com_shift, _arms(LINKS), _times, 3e-3, 0.12, _direction),
+    "inertia": Plant(bodies.inertia, _arms(LINKS), _one("change"), 0.05, 3.0),
+    "spring": Plant(joints.spring, _arms(J), _with_shape("stiffness"), 0.01, 4.0, _drawn(rest=(-0.5, 0.5))),
+    "hardening_spring": _joint(joints.hardening_spring, "cubic", 0.02, 8.0),
+    "cable_pull": Plant(bodies.cable_pull, _arms(LINKS[1:]), _with_shape("stiffness"), 0.05, 30.0, _post),
+    "gravity_tilt": Plant(
+        bodies.gravity_tilt, dict.fromkeys((FREE, PRESS, BLOCK), ("world",)), _times, 1e-3, 0.2, _lean, True
+    ),
+    "gravity_scale": Plant(bodies.gravity_scale, {BLOCK: ("world",)}, _one("change"), 2e-3, 0.2, signed=True),
+    "linear_drag": Plant(bodies.linear_drag, _arms(LINKS) | {BLOCK: ("block",)}, _one("coefficient"), 0.01, 5.0),
+    "quadratic_drag": Plant(bodies.quadratic_drag, _arms(LINKS) | {BLOCK: ("block",)}, _one("coefficient"), 0.01, 5.0),
+    "ground_height": _contact(bodies.ground_height, GROUND, "height", 1e-4, 0.02, signed=True),
+    "ground_tilt": _contact(bodies.ground_tilt, GROUND, "tilt_y", 1e-3, 0.15, signed=True),
+    "sliding_friction": _contact(bodies.sliding_friction, TOUCH, "change", 0.01, 0.29, signed=True),
+    "contact_stiffness": _contact(bodies.contact_stiffness, TOUCH, "change", 0.02, 0.8, signed=True),
+    "contact_damping": _contact(bodies.contact_damping, TOUCH, "change", 0.02, 0.8, signed=True),
+    "rolling_friction": _contact(bodies.rolling_friction, TOUCH, "coefficient", 1e-4, 0.02),
+    "rounded_edge": _contact(bodies.rounded_edge, TOUCH, "radius", 1e-4, 0.02),
+    "sensor_bias": Plant(
+        signals.bias,
+        {FREE: ENCODERS[1:], PRESS: ENCODERS[1:] + HAND, BLOCK: IMU},
+        _one("offset"),
+        0.01,
+        5.0,
+        signed=True,
+    ),
+    "sensor_scale": Plant(
+        signals.scale,
+        {FREE: ENCODERS, PRESS: (*ENCODERS, *HAND, "wrist_force"), BLOCK: (*CAMERA, *IMU, "imu")},
+        _one("change"),
+        0.005,
+        0.3,
+        signed=True,
+    ),
+    "sensor_delay": Plant(
+        signals.sensor_delay,
+        {FREE: (*ENCODERS, "all"), PRESS: ENCODERS, BLOCK: (*CAMERA, "imu", "all")},
+        _one("delay"),
+        3e-4,
+        0.03,
+    ),
+    "misalignment": Plant(
+        signals.misalignment, {PRESS: ("wrist_force",), BLOCK: ("imu",)}, _times, 0.01, 0.5, _axis, True
+    ),
+    "clock_drift": Plant(
+        signals.clock_drift, dict.fromkeys((FREE, BLOCK), ("all",)), _one("rate"), 3e-4, 0.05, signed=True
+    ),
+}

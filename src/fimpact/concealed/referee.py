@@ -1,0 +1,45 @@
+"""The side of the benchmark that knows: it plants and seals, and plays what the blind side asks for."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fimpact.concealed.draw import draw_case
+from fimpact.concealed.plan import Case
+from fimpact.concealed.rows import Arrays, Report, each, runs_of
+from fimpact.concealed.seal import robot, write_case
+
+DRAWS, SAME, APART, FURTHER = 6, 2, 1_000_003, 97  # draws that find no fit: other seeds, then other effects as well
+
+
+def conceal(cases: Sequence[Case], settings: dict, recordings: Path, sealed: Path, report: Report) -> list[dict]:
+    """Plant, record and seal `cases`; the rows say when it was done, not what."""
+    recordings.mkdir(parents=True, exist_ok=True)
+    sealed.mkdir(parents=True, exist_ok=True)
+    by_name = {case.name: case for case in cases}
+
+    def work(name: str) -> dict[str, Any]:
+        return {"sha256": write_case(name, *_draw(by_name[name], settings), recordings, sealed)}
+
+    return list(each(by_name, work, report, strict=True))
+
+
+def _draw(case: Case, settings: dict):
+    spans = {kind: tuple(pair) for kind, pair in settings["lambda"].items()}
+    for attempt in range(DRAWS):
+        try:
+            index, seed = case.index + FURTHER * max(attempt - SAME + 1, 0), settings["seed"] + APART * attempt
+            return draw_case(index, case.kind, seed, case.system, spans)
+        except ValueError as error:
+            reason = error
+    raise reason
+
+
+def reveal(sealed: Path, commands: Arrays, report: Report) -> Arrays:
+    """What the sealed robots measure under `commands`, (case/way/ctrl, qpos, qvel) -> case/way/measured."""
+    out = {}
+    for place, run in runs_of(commands).items():
+        case, _, way = place.partition("/")
+        report(f"{case}: {way} experiment")
+        out[f"{place}/measured"] = robot(sealed, case).play(run)
+    return out

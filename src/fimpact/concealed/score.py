@@ -1,0 +1,175 @@
+"""Scoring: the seals are opened, and what was answered is held against what was planted.
+
+One row per case. The first columns are the published ones; the rest say what the claim's other lines need.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import pandas as pd
+
+from fimpact.concealed.archive import load_recording
+from fimpact.concealed.oracle import oracle_error
+from fimpact.concealed.places import mode_claimed, places
+from fimpact.concealed.rows import Report, each, read_rows
+from fimpact.concealed.seal import open_seal
+from fimpact.concealed.truth import Planted, Truth
+from fimpact.recordings import Recording
+
+COLUMNS = (
+    "case kind system planted site size kappa detected answer answer_set located heldout_before heldout_after "
+    "heldout_oracle heldout_blackbox noise_floor seconds"
+).split()
+PEERS = (
+    "heldout_sysid heldout_sysid_five heldout_refit_all answer_refit_all screening_seconds refit_all_seconds "
+    "sysid_seconds blackbox_seconds"
+).split()
+STAGES = ("conceal", "diagnosis", "resolved", "peers")
+NOTHING = "none"
+SILENT: dict[str, Any] = {"answer": NOTHING, "answer_set": [NOTHING], "confidence": {}, "members": [], "seconds": {}}
+
+
+def score_case(case: str, truth: Truth, recording: Recording, told: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """One row of `cases.csv`.
+
+    Args:
+        told: rows about this case by stage: ``diagnosis``, and where there are any ``resolved`` and ``peers``.
+    """
+    row = SILENT | told["diagnosis"]
+    planted = planted_name(truth.effects)
+    named = [part for part in row["answer"].split("+") if "@" in part]
+    evidence = row.get("evidence", {})
+    model = mujoco.MjModel.from_xml_string(recording.xml)
+    return {
+        "case": case,
+        "kind": truth.kind,
+        "system": truth.system,
+        "planted": truth.planted,
+        "site": truth.site,
+        "size": "+".join(f"{size_of(effect):.6g}" for effect in truth.effects),
+        "kappa": truth.kappa,
+        "detected": row["answer"] != NOTHING,
+        "answer": row["answer"],
+        "answer_set": "|".join(row["answer_set"]),
+        "located": _located(model, recording, truth, row, named),
+        "heldout_before": evidence.get("before"),
+        "heldout_after": evidence.get("after"),
+        "heldout_oracle": oracle_error(recording, truth) if truth.effects else evidence.get("before"),
+        "heldout_blackbox": told.get("peers", {}).get("heldout_blackbox"),
+        "noise_floor": evidence.get("noise_floor"),
+        "seconds": sum(row["seconds"].values()),
+        "status": row["status"],
+        "truth": planted,
+        "rival": planted_name([truth.rival]) if truth.rival else None,
+        "lambda": truth.lam,
+        "kappa_unknown": truth.kappa_unknown,
+        "confidence": row["confidence"].get(row["answer"]),
+        "p": row.get("p"),
+        "left": row.get("left"),
+        "right": row["answer"] == planted,
+        "partly": any(name in named for name in planted.split("+")),
+        "in_set": planted in row["answer_set"],
+        **_where(model, recording, truth, row),
+        **_held(truth, row),
+        "exported": row.get("exported"),
+        **_twin(truth, row, told.get("resolved", {})),
+        **{name: told.get("peers", {}).get(name) for name in PEERS},
+        **{f"seconds_{stage}": seconds for stage, seconds in row["seconds"].items()},
+        **{f"job_{stage}": told.get(stage, {}).get("job_seconds") for stage in STAGES},
+    }
+
+
+def planted_name(effects: Sequence[Planted]) -> str:
+    """``effect@site`` of all effects joined by + in alphabetical order, none where there are none."""
+    return "+".join(sorted(f"{e.name}@{e.site}" for e in effects)) or NOTHING
+
+
+def size_of(effect: Planted) -> float:
+    """The planted amplitude: the first value that scales the effect."""
+    return float(next(iter(effect.values.values())))
+
+
+def _located(model, recording: Recording, truth: Truth, row, named: list[str]) -> bool | None:
+    """Whether the answer points at the right place: by the sites it names, or the residual where it names none."""
+    wanted = [places(model, recording.channels, e.site) for e in truth.effects]
+    if not wanted or not all(wanted):
+        return None
+    if named:
+        got = set().union(*(places(model, recording.channels, name.split("@")[1]) for name in named))
+    else:
+        got = _first_place(row)
+    return all(bool(want & got) for want in wanted)
+
+
+def _first_place(row) -> set[str]:
+    found = row.get("location", {}).get("places", [])
+    return {found[0]["name"]} if found else set()
+
+
+def _where(model, recording: Recording, truth: Truth, row) -> dict[str, Any]:
+    """What the residual alone says before anything is named: its first place, and the contact mode."""
+    first, modes = _first_place(row), row.get("location", {}).get("modes", {})
+    wanted = places(model, recording.channels, truth.effects[0].site) if truth.effects else set()
+    listed = {place["name"] for place in row.get("location", {}).get("places", [])}
+    claimed = mode_claimed(modes)
+    judged = truth.kind == "single" and bool(claimed) and truth.mode != "free"
+    return {
+        "place": next(iter(first), None),
+        "place_right": bool(first & wanted) if wanted & listed and truth.kind == "single" else None,
+        "mode": claimed,
+        "mode_right": claimed == truth.mode if judged else None,
+    }
+
+
+def _held(truth: Truth, row) -> dict[str, int | None]:
+    """Of the effect's intervals, how many there are and how many hold the planted value, where the name is right."""
+    if not truth.effects or row["answer"] != planted_name(truth.effects):
+        return {"intervals": None, "covered": None}
+    stated = {(p["of"], p["name"]): (p["low"], p["high"]) for p in row["parameters"]}
+    pairs = [
+        (stated[f"{e.name}@{e.site}", name], value)
+        for e in truth.effects
+        for name, value in e.values.items()
+        if (f"{e.name}@{e.site}", name) in stated
+    ]
+    return {"intervals": len(pairs), "covered": sum(low <= value <= high for (low, high), value in pairs)}
+
+
+def _twin(truth: Truth, row, resolved) -> dict[str, Any]:
+    """Whether a twin's first answer is the set, and which experiment left the planted one alone."""
+    out: dict[str, Any] = {"members": len(row["answer_set"]), "both_in_set": None}
+    out |= {f"resolved_{way}": None for way in ("designed", "random")}
+    if truth.rival is None:
+        return out
+    own, rival = planted_name(truth.effects), planted_name([truth.rival])
+    out["both_in_set"] = {own, rival} <= set(row["answer_set"])
+    for way in ("designed", "random"):
+        if way in resolved:
+            left = resolved[way]["answer_set"]
+            out[f"resolved_{way}"] = left[0] == own and rival not in left
+    return out
+
+
+def score_part(recordings: Path, sealed: Path, told: dict[str, Path], report: Report) -> list[dict[str, Any]]:
+    """Rows of `cases.csv` for one part; `told`: files of rows by stage.
+
+    Raises:
+        ValueError: a seal does not match the hash that lies beside its recording.
+    """
+    rows = {stage: read_rows(path) for stage, path in told.items()}
+
+    def work(case: str) -> dict[str, Any]:
+        truth, known = open_seal(sealed, recordings, case), {s: r[case] for s, r in rows.items() if case in r}
+        return score_case(case, truth, load_recording(recordings, case), known)
+
+    return list(each(sorted(rows["diagnosis"]), work, report, strict=True))
+
+
+def gather(parts: Iterable[str | Path]) -> pd.DataFrame:
+    """Rows of all parts as one table, the published columns first, sorted by case."""
+    table = pd.DataFrame([row for part in parts for row in read_rows(part).values()])
+    rest = [name for name in table if name not in (*COLUMNS, "job_seconds")]
+    table = table.rename(columns={"job_seconds": "job_score"})
+    return table[[*COLUMNS, *rest, "job_score"]].sort_values("case", ignore_index=True)

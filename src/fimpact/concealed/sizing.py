@@ -1,0 +1,111 @@
+"""Choosing an effect's size so that an oracle sees it with a given non-centrality."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fimpact.concealed.detect import Seen, Tangents, coloured, cut, gather, loudness, models, predict, see, tangents
+from fimpact.concealed.motions import Motion
+from fimpact.concealed.planting import Plant, Values
+from fimpact.concealed.rigs import Rig
+from fimpact.concealed.strangers import plant
+from fimpact.concealed.world import new_world, play
+
+CLOSE, NEAR = 0.08, 0.2  # in log lambda: of the search, and of what is accepted after its tangents are renewed
+
+
+class Unfit(Exception):
+    """This draw cannot be used: the effect does not act, or would need an absurd size."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A robot and its training motions before anything is planted. noise: (W, n ny, m) whitened disturbance."""
+
+    rig: Rig
+    motion: Motion
+    errors: np.ndarray
+    start: np.ndarray
+    tangent: Tangents
+    noise: np.ndarray
+    disturbance: float
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A planted effect as its windows show it: size, values, whitened trace (W, n ny, 1) and renewed tangents."""
+
+    size: float
+    values: Values
+    change: np.ndarray
+    tangent: Tangents
+
+
+def set_stage(rig: Rig, motion: Motion, errors, start, correlation: float, raised: float) -> Stage:
+    """Tangents of the unplanted robot, and a disturbance that raises the residual's variance by `raised`."""
+    runs = np.flatnonzero(~motion.held_out)
+    states = play(new_world(rig, errors, fine=False), start[runs], motion.ctrl[runs]).states
+    tangent = tangents(rig, errors, cut(rig, motion, states, runs), pushed=True)
+    response = coloured(rig, tangent.push, correlation)
+    sd = float(np.sqrt(raised / loudness(rig, tangent, response)))
+    return Stage(rig, motion, errors, start, tangent, sd * response, sd)
+
+
+def _windows(stage: Stage, name: str, site: str, values: Values):
+    """Windows of the planted robot and what the effect changes in them, (W, n ny, 1)."""
+    rig, runs = stage.rig, np.flatnonzero(~stage.motion.held_out)
+    world = new_world(rig, stage.errors, fine=False)
+    plant(world, name, site, values)
+    played = play(world, stage.start[runs], stage.motion.ctrl[runs])
+    windows = cut(rig, stage.motion, played.states, runs)
+    shown = (gather(windows, played.samples) / rig.sd).reshape(len(windows.row), -1)
+    change = shown - predict(rig, models(rig, stage.errors), windows.start, windows.ctrl)
+    if not np.isfinite(change).all() or np.abs(played.states).max() > 1e3:
+        raise Unfit(f"{name} at {site} makes the simulation diverge")
+    return windows, change[:, :, None]
+
+
+def trace(stage: Stage, name: str, site: str, size: float, values: Values) -> Trace:
+    """The effect at one size, with tangents about its own motion."""
+    windows, change = _windows(stage, name, site, values)
+    return Trace(size, values, change, tangents(stage.rig, stage.errors, windows, pushed=False))
+
+
+def seen(stage: Stage, *traces: Trace) -> Seen:
+    """What an oracle sees of each of some traces, with the tangents of the first."""
+    return see(stage.rig, traces[0].tangent, stage.noise, np.concatenate([t.change for t in traces], axis=2))
+
+
+def concealment(stage: Stage, found: Trace) -> tuple[float, float]:
+    """kappa against the sensors' noise, and kappa of the unknowns alone with the starts projected off first."""
+    kappa, unknown = see(stage.rig, found.tangent, 0 * stage.noise, found.change).concealment
+    return float(kappa[0]), float(unknown[0])
+
+
+def fit_size(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign: float, target: float) -> Trace:
+    """The effect at the size at which its non-centrality is `target`. Raises Unfit."""
+    tangent, size = stage.tangent, kind.begin
+    for _ in range(3):
+        size = _search(stage, name, site, kind, shape, sign, target, tangent, size)
+        found = trace(stage, name, site, sign * size, kind.values(sign * size, **shape))
+        if abs(np.log(max(seen(stage, found).size[0], 1e-9) / target)) < NEAR:
+            return found
+        tangent = found.tangent
+    raise Unfit(f"no size of {name} at {site} settles at lambda {target:.3g}")
+
+
+def _search(stage, name, site, kind, shape, sign, target, tangent, size):
+    """Secant steps on log lambda against log size, with fixed tangents."""
+    slope, last = 2.0, None
+    for _ in range(7):
+        _, change = _windows(stage, name, site, kind.values(sign * size, **shape))
+        miss = np.log(max(see(stage.rig, tangent, stage.noise, change).size[0], 1e-9) / target)
+        if abs(miss) < CLOSE:
+            return size
+        if size >= kind.most and miss < 0:
+            raise Unfit(f"{name} at {site} would have to be larger than {kind.most:g}")
+        if last and last[0] != np.log(size):
+            slope = np.clip((miss - last[1]) / (np.log(size) - last[0]), 0.7, 4.0)
+        last = np.log(size), miss
+        size = min(size * np.exp(np.clip(-miss / slope, -4.0, 4.0)), kind.most)
+    return size

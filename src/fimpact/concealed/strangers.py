@@ -1,0 +1,111 @@
+"""Physics that no catalogue entry describes, and what can be planted altogether."""
+
+import numpy as np
+
+from fimpact.concealed import at_bodies as bodies
+from fimpact.concealed import at_joints as joints
+from fimpact.concealed import at_signals as signals
+from fimpact.concealed.planting import Plant, Values
+from fimpact.concealed.plants import BLOCK, FREE, PLANTS, PRESS, J, M
+from fimpact.concealed.world import World
+
+ARMS = (FREE, PRESS)
+
+
+def _place(rng, rig, motion, site) -> Values:
+    """Somewhere in the middle of a joint's planned travel."""
+    return {"centre": rng.uniform(-0.3, 0.3) + float(np.mean(motion.start[:, int(site[-1]) - 1])), "width": 0.15}
+
+
+def _somewhere(rng, rig, motion, site) -> Values:
+    x, y, z = (
+        (rng.uniform(-0.3, 0.3), 0.0, 0.0) if rig.throws() else (rng.uniform(0.1, 0.5), rng.uniform(0.2, 0.6), 0.0)
+    )
+    return {"x": x, "y": y, "z": z, "reach": 0.15}
+
+
+def _blow(rng, rig, motion, site) -> Values:
+    share = rng.uniform(0.2, 0.5) if rig.throws() else rng.uniform(0.3, 0.7)
+    return {"angle": rng.uniform(0, 2 * np.pi), "time": share * rig.duration, "width": rig.duration / 12}
+
+
+def _swing(rng, rig, motion, site) -> Values:
+    return {"period": rng.uniform(0.4, 1.0), "phase": rng.uniform(0, 2 * np.pi)}
+
+
+STRANGERS = {
+    "rough_spot": Plant(
+        joints.rough_spot, dict.fromkeys(ARMS, J), lambda size, **shape: {"torque": size, **shape}, 0.05, 3.0, _place
+    ),
+    "warming": Plant(joints.warming, dict.fromkeys(ARMS, J), lambda size: {"torque": size, "time": 0.5}, 0.05, 1.0),
+    "cross_coupling": Plant(
+        signals.cross_coupling, dict.fromkeys(ARMS, M), lambda size: {"coefficient": size}, 0.02, 0.5, signed=True
+    ),
+    "varying_gain": Plant(
+        signals.varying_gain, dict.fromkeys(ARMS, M), lambda size, **shape: {"depth": size, **shape}, 0.03, 0.6, _swing
+    ),
+    "soft_stop": Plant(joints.soft_stop, {FREE: J}, lambda size: {"stiffness": size, "limit": 0.5}, 0.5, 40.0),
+    "hysteresis": Plant(
+        joints.hysteresis, dict.fromkeys(ARMS, J), lambda size: {"stiffness": size, "width": 0.2}, 0.2, 10.0
+    ),
+    "pendulum": Plant(
+        bodies.pendulum,
+        {FREE: ("link_3",), BLOCK: ("block",)},
+        lambda size, rate: {"mass": size, "rate": rate},
+        0.02,
+        0.3,
+        lambda rng, rig, motion, site: {"rate": rng.uniform(15, 40)},
+    ),
+    "magnet": Plant(
+        bodies.magnet,
+        {FREE: ("link_3",), PRESS: ("link_3",), BLOCK: ("block",)},
+        lambda size, **shape: {"force": size, **shape},
+        0.5,
+        30.0,
+        _somewhere,
+    ),
+    "gust": Plant(
+        bodies.gust,
+        {FREE: ("link_2", "link_3"), PRESS: ("link_3",), BLOCK: ("block",)},
+        lambda size, **shape: {"force": size, **shape},
+        0.2,
+        10.0,
+        _blow,
+    ),
+    "sticky": Plant(
+        bodies.sticky,
+        {BLOCK: ("mat",), PRESS: ("wall",)},
+        lambda size: {"force": size, "reach": 0.02},
+        0.5,
+        20.0,
+        mode="contact",
+    ),
+    "wavy_ground": Plant(
+        bodies.wavy_ground,
+        {BLOCK: ("mat",), PRESS: ("wall",)},
+        lambda size: {"height": size, "length": 0.06},
+        5e-4,
+        0.02,
+        mode="contact",
+    ),
+    "bent_scale": Plant(
+        signals.bent_scale,
+        {FREE: ("encoder_2", "encoder_3"), PRESS: ("wrist_force[1]",)},
+        lambda size: {"coefficient": size},
+        1e-3,
+        0.1,
+    ),
+}
+
+
+def known(name: str) -> Plant:
+    """The plant `name`, of the catalogue or of those outside it. Raises ValueError listing what there is."""
+    everything = PLANTS | STRANGERS
+    if name not in everything:
+        raise ValueError(f"nothing called {name!r} can be planted; there are {', '.join(everything)}")
+    return everything[name]
+
+
+def plant(world: World, name: str, site: str, values: Values) -> None:
+    """Put the effect or stranger `name` into `world`."""
+    known(name).put(world, site, **values)

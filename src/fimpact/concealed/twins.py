@@ -1,0 +1,23 @@
+"""Pairs of effects that some motions cannot tell apart although others can."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Twins:
+    """Two effects at the same place of the same joint, the style of motion that confuses them, and in which rigs."""
+
+    names: tuple[str, str]
+    style: str
+    systems: tuple[str, ...]
+
+
+TWINS = (
+    Twins(("torque_offset", "coulomb"), "oneway", ("arm_free",)),
+    Twins(("gain", "saturation"), "bang", ("arm_free", "arm_contact")),
+    Twins(("command_delay", "actuator_lag"), "slow", ("arm_free", "arm_contact")),
+    Twins(("coulomb", "stribeck"), "oneway", ("arm_free",)),
+    Twins(("spring", "torque_offset"), "still", ("arm_free", "arm_contact")),
+    Twins(("coulomb", "dahl"), "oneway", ("arm_free",)),
+    Twins(("linear_drag", "quadratic_drag"), "steady", ("block",)),
+)

@@ -1,0 +1,185 @@
+"""A rig to which physics is added, and its simulation in MuJoCo C: finely for the truth, coarsely for planning."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+from scipy.interpolate import CubicSpline
+
+from fimpact.concealed.rigs import Rig
+
+FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+HELD = 2.5e-4  # s
+# A draw that diverges is rejected; MuJoCo would print it and write a log file.
+mujoco.set_mju_user_warning(lambda message: None)
+DRIVEN = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
+
+
+@dataclass
+class World:
+    """What is simulated, before it is compiled.
+
+    spec: the mechanism. hooks: each makes, from (model, data) of one run, a function called before every step.
+    commands: each maps commands per step (runs, N, nu) and the step in s to those that reach the motors.
+    senses: each maps samples (runs, T, ny) to what the instruments report. delays: of each channel, s.
+    drift: how much faster the recorder's clock is read than true time, s/s.
+    """
+
+    rig: Rig
+    spec: mujoco.MjSpec
+    steps: int
+    hooks: list[Callable] = field(default_factory=list)
+    commands: list[Callable] = field(default_factory=list)
+    senses: list[Callable] = field(default_factory=list)
+    delays: np.ndarray | None = None
+    drift: float = 0.0
+
+    @property
+    def hold(self) -> int:
+        """Steps for which the hooks' forces are held: hooks are slow and need no more than `HELD` s."""
+        return max(1, round(HELD / self.step)) if self.hooks else 1
+
+    @property
+    def step(self) -> float:
+        """Length of one step, s."""
+        return self.rig.period / self.steps
+
+
+@dataclass(frozen=True)
+class Played:
+    """Runs as they went: states of the rig's own joints at each sample (runs, T, 2 nv), clean samples (runs, T, ny)."""
+
+    states: np.ndarray
+    samples: np.ndarray
+
+
+def new_world(rig: Rig, errors: np.ndarray, fine: bool) -> World:
+    """The rig with its unknowns off by `errors` (p,), relative or in the unit of `Unknown`.
+
+    Fine worlds step at a tenth of the naive step with RK4, coarse ones as the naive model does.
+    """
+    spec, steps = mujoco.MjSpec.from_string(rig.xml), rig.fine if fine else rig.coarse
+    spec.option.timestep = rig.period / steps
+    if fine:
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    for unknown, error in zip(rig.unknowns, errors, strict=True):
+        _misjudge(spec, unknown.field, unknown.site, error)
+    return World(rig, spec, steps, delays=np.zeros(len(rig.channels)))
+
+
+def _misjudge(spec: mujoco.MjSpec, quantity: str, site: str, error: float) -> None:
+    if quantity == "damping":
+        joint = spec.joint(site)
+        joint.damping = joint.damping * np.array([1 + error, 1, 1])
+        return
+    body = spec.body(site)
+    if quantity in ("mass", "inertia"):
+        body.inertia = body.inertia * (1 + error)
+    if quantity == "mass":
+        body.mass *= 1 + error
+    if quantity in ("com_x", "com_z"):
+        body.ipos = body.ipos + error * np.eye(3)[0 if quantity == "com_x" else 2]
+
+
+def play(world: World, start: np.ndarray, ctrl: np.ndarray, push: np.ndarray | None = None, offset=0.0) -> Played:
+    """Simulate runs from `start` (runs, 2 nv) under commands (runs, T, nu), each held for a sample.
+
+    push: disturbing generalised forces per step (runs, N, nv) or None. offset: of the recorder's clock (runs,), s.
+    """
+    rig, model = world.rig, world.spec.compile()
+    count = ctrl.shape[1] * world.steps + int(np.ceil(max(world.drift, 0) * ctrl.shape[1] * world.steps)) + world.steps
+    drive = _pad(np.repeat(ctrl, world.steps, axis=1), count)
+    for change in world.commands:
+        drive = change(drive, world.step)
+    force = np.zeros((len(start), count, model.nv))
+    dofs = [model.joint(rig.naive.joint(j).name).dofadr[0] for j in range(rig.naive.njnt)]
+    if push is not None:
+        force[:, :, dofs] = _pad(push, count)
+    first = _initial(model, dofs, start)
+    states, sensed = (_walk if world.hooks else _fly)(world, model, first, drive, force)
+    keep = np.concatenate([1 + np.array(dofs), 1 + model.nq + np.array(dofs)])
+    per_sample = world.steps // world.hold
+    return Played(
+        states[:, : ctrl.shape[1] * per_sample : per_sample, keep], _sample(world, sensed, ctrl.shape[1], offset)
+    )
+
+
+def _pad(signal: np.ndarray, count: int) -> np.ndarray:
+    extra = count - signal.shape[1]
+    return (
+        np.concatenate([signal, np.repeat(signal[:, -1:], extra, axis=1)], axis=1) if extra > 0 else signal[:, :count]
+    )
+
+
+def _initial(model: mujoco.MjModel, dofs: list[int], start: np.ndarray) -> np.ndarray:
+    first = np.zeros((len(start), mujoco.mj_stateSize(model, FULL)))
+    nv = len(dofs)
+    first[:, 1 + np.array(dofs)] = start[:, :nv]
+    first[:, 1 + model.nq + np.array(dofs)] = start[:, nv:]
+    return first
+
+
+def _fly(world, model, first, drive, force):
+    """All runs in C."""
+    control = np.concatenate([drive, force], axis=2)
+    states, sensed = rollout.rollout(model, mujoco.MjData(model), first, control, control_spec=int(DRIVEN))
+    return np.concatenate([first[:, None], states[:, :-1]], axis=1), sensed
+
+
+def _walk(world, model, first, drive, force):
+    """Run by run, with the hooks between steps."""
+    states, sensed = np.empty((*drive.shape[:2], first.shape[1])), np.empty((*drive.shape[:2], model.nsensordata))
+    for run in range(len(first)):
+        data = mujoco.MjData(model)
+        mujoco.mj_setState(model, data, first[run], FULL)
+        hooks = [make(model, data) for make in world.hooks]
+        for k in range(0, drive.shape[1] - world.hold + 1, world.hold):
+            data.ctrl, data.qfrc_applied = drive[run, k], force[run, k]
+            states[run, k, 0], states[run, k, 1 : 1 + model.nq], states[run, k, 1 + model.nq :] = (
+                data.time,
+                data.qpos,
+                data.qvel,
+            )
+            for hook in hooks:
+                hook()
+            mujoco.mj_step(model, data)
+            sensed[run, k] = data.sensordata  # of the step's beginning
+            if world.hold > 1:
+                mujoco.mj_step(model, data, world.hold - 1)
+    return states[:, :: world.hold], sensed[:, :: world.hold]
+
+
+def _sample(world: World, sensed: np.ndarray, samples: int, offset) -> np.ndarray:
+    rig = world.rig
+    clean = sensed[:, :, rig.columns]
+    shifts = np.broadcast_to(offset, len(clean))[:, None] - world.delays[None]
+    time = np.arange(samples) * rig.period
+    if not shifts.any() and world.drift == 0:
+        per_sample = world.steps // world.hold
+        out = clean[:, : samples * per_sample : per_sample].copy()
+    else:
+        out = np.stack(
+            [
+                _read(run, world.step * world.hold, time * (1 + world.drift), late)
+                for run, late in zip(clean, shifts, strict=True)
+            ]
+        )
+    for change in world.senses:
+        out = change(out)
+    return out
+
+
+def _read(clean: np.ndarray, step: float, time: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """Columns of one run (N, ny) at `time` plus each column's shift; straight lines before the start.
+
+    Forces jump with the commands, so what was simulated finely is interpolated linearly.
+    """
+    grid = np.arange(len(clean)) * step
+    at = time[:, None] + shifts[None]
+    if step <= HELD:
+        read = [np.interp(at[:, j], grid, column) for j, column in enumerate(clean.T)]
+    else:
+        read = [CubicSpline(grid, column)(np.maximum(at[:, j], 0)) for j, column in enumerate(clean.T)]
+    return np.stack(read, axis=1) + np.minimum(at, 0) * (clean[1] - clean[0]) / step

@@ -1,0 +1,14 @@
+"""One of the benchmark's pictures."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fimpact.concealed import figures, measures
+from fimpact.progress import logged
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with logged(snakemake.log[0]):
+    draw = figures.FIGURES[snakemake.wildcards.figure]
+    draw(measures.read_cases(snakemake.input.cases), Path(snakemake.output.svg).with_suffix(""))

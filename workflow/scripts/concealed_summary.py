@@ -1,0 +1,15 @@
+"""Every line of the claim, with its interval."""
+
+from typing import TYPE_CHECKING
+
+from fimpact import tables
+from fimpact.concealed import measures
+from fimpact.progress import logged
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with logged(snakemake.log[0]):
+    cases = measures.read_cases(snakemake.input.cases)
+    tables.write(measures.to_table(cases), snakemake.output.table)
+    tables.write_text(measures.to_markdown(cases), snakemake.output.text)
