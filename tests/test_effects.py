@@ -91,7 +91,7 @@ class Rig:
         force = ctrl * [2.0, 1.0] if ctrl.shape[2] else ctrl
         joints, drivers = (tuple(column) for column in zip(*owners, strict=True))
         time = PERIOD * np.arange(ctrl.shape[1])[None]
-        return Signal(time, ctrl, self.channels, actuators, force, joints, drivers)
+        return Signal(time, ctrl, self.channels, actuators, force, joints, drivers, (0.0,) * len(joints))
 
 
 RIGS = {
@@ -111,8 +111,9 @@ def scales(name):
     return Scales(force, speed, travel, command, measured, mass, length, 9.81, PERIOD, 1.0)
 
 
-def play(rig, model, ctrl, push=None, act=None):
-    """States (T, nq + nv) after, and measurements (1, T, ny) before, each step; push: a force law of a State."""
+def play(rig, model, ctrl, push=None, limit=None):
+    """States (T, nq + nv) after, and measurements (1, T, ny) before, each step; push: a force law of a State, limit: a
+    friction law for the elbow."""
     data, memory, states, measured = mujoco.MjData(model), {}, [], []
     mujoco.mj_resetData(model, data)
     data.qpos[:], data.qvel[:] = rig.qpos, rig.qvel
@@ -120,11 +121,14 @@ def play(rig, model, ctrl, push=None, act=None):
     before, step = data.qvel.copy(), model.opt.timestep
     for k, command in enumerate(ctrl[0]):
         data.ctrl[:] = command
-        if push is not None:
+        if push or limit:
             ahead = data.qvel + (data.qvel - before) / 2
             state = State(model, data.qpos[None], ahead[None], command[None], np.array([k * PERIOD]), step, memory)
             before = data.qvel.copy()
-            data.qfrc_applied[:] = push(state)[0]
+            if push:
+                data.qfrc_applied[:] = push(state)[0]
+            else:
+                model.dof_frictionloss[1] = np.mean(limit(state))
         mujoco.mj_step(model, data)
         measured.append(data.sensordata[places].copy())
         states.append(np.r_[data.qpos, data.qvel])
@@ -135,7 +139,7 @@ def simulate(rig, effect=None, site="", values=None):
     """States and measurements of the rig with an effect added by its law."""
     model = rig.model()
     ctrl = rig.commands(model)
-    push = None
+    push = limit = None
     if effect and effect.enters == "model":
         effect.law(model, site, **values)
     mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -143,7 +147,9 @@ def simulate(rig, effect=None, site="", values=None):
         ctrl = effect.law(ctrl, rig.signal(ctrl), site, **values)
     if effect and effect.enters == "force":
         push = lambda state: effect.law(state, site, **values)  # noqa: E731
-    states, measured = play(rig, model, ctrl, push)
+    if effect and effect.enters == "friction":
+        limit = lambda state: effect.law(state, site, **values)  # noqa: E731
+    states, measured = play(rig, model, ctrl, push, limit)
     if effect and effect.enters == "measurement":
         measured = effect.law(measured, rig.signal(ctrl), site, **values)
     return states, measured
@@ -330,43 +336,12 @@ def test_payload_is_a_body_welded_on():
     np.testing.assert_allclose(law[:FREE], states[:FREE], atol=1e-8)
 
 
-def test_stribeck_without_excess_is_native_dry_friction(plain):
-    """Laws with a changing limit rest on MuJoCo's own dry friction, here held over a step instead of solved with it."""
-    rig, limits = RIGS["arm"], {"coulomb": 0.1, "excess": 0.0, "speed": 1.0}
-    native = simulate(rig, EFFECTS["coulomb"], "elbow", {"friction": 0.1})[1]
-    held = simulate(rig, EFFECTS["stribeck"], "elbow", limits)[1]
-    error, effect = (np.abs(a - native)[0, :FREE, :2].max() for a in (held, plain["arm"][1]))
-    assert error < 0.01 * effect
-
-
-def test_dry_friction_adds_to_the_models_own():
-    """A joint that already has dry friction gets the difference."""
-    model = RIGS["arm"].model()
-    model.dof_frictionloss[1] = 0.05
-    state = State(model, np.zeros((1, 2)), np.array([[0.0, 4.0]]), np.zeros((1, 2)), np.zeros(1), PERIOD)
-    force = EFFECTS["stribeck"].law(state, "elbow", coulomb=0.1, excess=0.0, speed=1.0)
-    np.testing.assert_allclose(force, [[0, -0.1]], atol=1e-12)
-    assert model.dof_frictionloss[1] == 0.05
-
-
 def stuck(law, values, step):
     """Positions, (T,), of an elbow that is pushed with a sixth of its friction for a second, from rest."""
     model = editable(mujoco.MjSpec.from_string(ARM.replace("<option", '<option gravity="0 0 0"', 1)))
     model.qpos_spring[1], model.opt.timestep = RIGS["arm"].qpos[1], step
     ctrl, effect = np.tile([0.0, 0.05], (1, int(1 / step), 1)), EFFECTS[law]
-    if effect.enters == "model":
-        effect.law(model, "elbow", **values)
-        return play(RIGS["arm"], model, ctrl)[0][:, 1]
     return play(RIGS["arm"], model, ctrl, lambda state: effect.law(state, "elbow", **values))[0][:, 1]
-
-
-@pytest.mark.parametrize(("step", "apart"), [(0.002, 1e-4), (0.005, 1e-4), (0.01, 0.012)])
-def test_dry_friction_holds(step, apart):
-    """A pushed joint creeps as under MuJoCo's dry friction, at coarse steps twice as fast, and does not ring."""
-    native = stuck("coulomb", {"friction": 0.3}, step)
-    held = stuck("stribeck", {"coulomb": 0.3, "excess": 0.0, "speed": 1.0}, step)
-    assert np.abs(held - native).max() < apart
-    assert np.abs(np.diff(held, 2)[20:]).max() < 1e-6
 
 
 def test_pre_sliding_springs():
@@ -376,18 +351,17 @@ def test_pre_sliding_springs():
 
 
 def test_load_dependent_and_directional_losses():
-    """At speed they take their share of the motor's torque; driven backwards, gears cost more than they save."""
+    """They take their share of the motor's torque; driven backwards, gears cost more than they save."""
     model = RIGS["arm"].model()
 
-    def force(name, speed, **values):
+    def limits(name, speed, **values):
         state = State(
             model, np.zeros((2, 2)), np.tile([0.0, speed], (2, 1)), np.array([[0, 0.5], [0, -0.5]]), np.zeros(2), PERIOD
         )
-        return EFFECTS[name].law(state, "elbow", **values)[:, 1]
+        return np.array(EFFECTS[name].law(state, "elbow", **values))
 
-    np.testing.assert_allclose(force("load_dependent_friction", 5.0, coefficient=0.1), [-0.05, -0.05])
-    np.testing.assert_allclose(force("efficiency", 5.0, loss=0.2), [-0.1, -0.125])
-    np.testing.assert_allclose(force("efficiency", -5.0, loss=0.2), [0.125, 0.1])
+    np.testing.assert_allclose(limits("load_dependent_friction", 5.0, coefficient=0.1), [[0.05, 0.05], [0.05, 0.05]])
+    np.testing.assert_allclose(limits("efficiency", 5.0, loss=0.2), [[0.1, 0.125], [0.125, 0.1]])
 
 
 def test_delay_and_lag_hold_back_what_they_say():
@@ -528,7 +502,7 @@ def test_laws_without_native_fields_stand_alone():
         name = bundle.add(effect.law)
         assert not any("fimpact" in line or "scipy" in line for line in bundle.imports)
         exec(bundle.text(), scope)
-        if effect.enters == "force":
+        if effect.enters in ("force", "friction"):
             given = [
                 State(model, np.full((1, 2), 0.3), np.ones((1, 2)), np.ones((1, 2)), np.zeros(1), PERIOD) for _ in "ab"
             ]

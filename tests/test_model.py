@@ -59,7 +59,7 @@ def diagnosis_of(recording: Recording, *placed: Placed) -> SimpleNamespace:
     if placed:
         best = explain(*base_fit(made, coordinates(simulator, placed, sizes), Hypothesis(simulator.theta, placed)))
         naive = explain(naive.fitted, settle(made.held_out, naive.fitted.point.hypothesis))
-    naming = SimpleNamespace(naive=naive, best=best, dispersion=1.0)
+    naming = SimpleNamespace(naive=naive, best=best, covariance=best.fitted.covariance)
     return SimpleNamespace(recording=recording, bench=made, naming=naming, evidence=weigh_evidence(made, naive, best))
 
 

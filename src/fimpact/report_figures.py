@@ -345,7 +345,12 @@ def added_force(diagnosis: Diagnosis, dof: int) -> np.ndarray | None:
 def _law_force(model, placed, qpos, qvel, ctrl, time) -> np.ndarray:
     """Generalised force of the force laws, (n, nv); those with a memory are shown as at the start of a window."""
     seen = State(model, qpos, qvel, ctrl, time, model.opt.timestep, {})
-    return sum((p.effect.law(seen, p.site, **p.values) for p in placed if p.effect.enters == "force"), 0 * qvel)
+    out = sum((p.effect.law(seen, p.site, **p.values) for p in placed if p.effect.enters == "force"), 0 * qvel)
+    for p in (p for p in placed if p.effect.enters == "friction"):
+        dof, _, speed = seen.joint(p.site)
+        forward, backward = p.effect.law(seen, p.site, **p.values)
+        out[:, dof] += np.where(speed > 0, -forward, backward)
+    return out
 
 
 def _force_between(naive, best, qpos, qvel, ctrl, pull) -> np.ndarray:

@@ -159,6 +159,18 @@ def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> S
     return Seen(gram[:k, :k] - absorbed, np.sum(traces**2, axis=(0, 1)), np.diag(gram)[:k])
 
 
+def absorb(rig: Rig, tangent: Tangents, noise: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The errors of the unknowns, (p,), and of the starts, (W, 2 nv), that imitate the trace `change` (W, n ny, 1) best."""
+    white = _whitener(noise)
+    change, unknown, start = (white(a) for a in (change, tangent.unknown, tangent.start))
+    information = _start_information(rig, start)
+    cross, along = _t(start) @ unknown, _t(start) @ change
+    gram = np.sum(_t(unknown) @ unknown - _t(cross) @ np.linalg.solve(information, cross), axis=0)
+    seen = np.sum(_t(unknown) @ change - _t(cross) @ np.linalg.solve(information, along), axis=0)
+    errors = np.linalg.solve(gram + np.diag([u.sd**-2.0 for u in rig.unknowns]), seen)[:, 0]
+    return errors, np.linalg.solve(information, along - (cross @ errors)[:, :, None])[:, :, 0]
+
+
 def _t(array):
     return array.transpose(0, 2, 1)
 

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fimpact.concealed.detect import Seen, Tangents, coloured, cut, gather, loudness, models, predict, see, tangents
+from fimpact.concealed.detect import Seen, Tangents, absorb, coloured, cut, gather, loudness, models, predict, see, tangents
 from fimpact.concealed.motions import Motion
 from fimpact.concealed.planting import Plant, Values
 from fimpact.concealed.rigs import Rig
 from fimpact.concealed.strangers import plant
 from fimpact.concealed.world import new_world, play
 
+DEEP, MOVES = 0.9, 6  # concealment beyond which the unknowns are truly moved to imitate an effect, and how often
 CLOSE, NEAR = 0.08, 0.2  # in log lambda: of the search, and of what is accepted after its tangents are renewed
 
 
@@ -68,7 +69,25 @@ def _windows(stage: Stage, name: str, site: str, values: Values):
 def trace(stage: Stage, name: str, site: str, size: float, values: Values) -> Trace:
     """The effect at one size, with tangents about its own motion."""
     windows, change = _windows(stage, name, site, values)
-    return Trace(size, values, change, tangents(stage.rig, stage.errors, windows, pushed=False))
+    tangent = tangents(stage.rig, stage.errors, windows, pushed=False)
+    return Trace(size, values, _imitated(stage, windows, change, tangent), tangent)
+
+
+def _imitated(stage: Stage, windows, change, tangent: Tangents):
+    """`change` as it shows beside the best imitation by unknowns and starts: what is nonlinear in a large change of
+    theirs must not pass for what they cannot imitate."""
+    rig, concealment = stage.rig, see(stage.rig, tangent, stage.noise, change).concealment[1]
+    if concealment[0] < DEEP:
+        return change
+    shown = change[:, :, 0] + predict(rig, models(rig, stage.errors), windows.start, windows.ctrl)
+    for _ in range(MOVES):
+        unknown, start = absorb(rig, tangent, stage.noise, change)
+        moved = predict(rig, models(rig, stage.errors + unknown), windows.start + start, windows.ctrl)
+        linear = tangent.unknown @ unknown + np.einsum("wmx,wx->wm", tangent.start, start)
+        if not np.isfinite(moved).all():
+            break
+        change = (shown - moved + linear)[:, :, None]
+    return change
 
 
 def seen(stage: Stage, *traces: Trace) -> Seen:
@@ -98,7 +117,8 @@ def _search(stage, name, site, kind, shape, sign, target, tangent, size):
     """Secant steps on log lambda against log size, with fixed tangents."""
     slope, last = 2.0, None
     for _ in range(7):
-        _, change = _windows(stage, name, site, kind.values(sign * size, **shape))
+        windows, change = _windows(stage, name, site, kind.values(sign * size, **shape))
+        change = _imitated(stage, windows, change, tangent)
         miss = np.log(max(see(stage.rig, tangent, stage.noise, change).size[0], 1e-9) / target)
         if abs(miss) < CLOSE:
             return size

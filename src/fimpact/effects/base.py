@@ -1,9 +1,11 @@
 """What an effect is: one piece of physics that a model may lack, where it can sit and how it enters.
 
-An effect enters a simulation in one of four ways, and `Effect.enters` says which function it is:
+An effect enters a simulation in one of five ways, and `Effect.enters` says which function it is:
 
 - ``model``:   ``f(model, site, **values)`` edits the fields of a MuJoCo model in place (the native way).
 - ``force``:   ``f(state, site, **values)`` returns a generalised force, shape (n, nv), N or N m.
+- ``friction``: ``f(state, site, **values)`` returns the largest dry friction at positive and at negative speed of joint
+  `site`, (n,) each, N or N m; MuJoCo holds and slides the joint within them.
 - ``command``: ``f(ctrl, signal, site, **values)`` returns the commands that reach the plant, (runs, T, nu).
 - ``measurement``: ``f(measured, signal, site, **values)`` returns what the sensors report, (n, T, ny).
 
@@ -16,7 +18,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-ENTERS = ("model", "force", "command", "measurement")
+ENTERS = ("model", "force", "friction", "command", "measurement")
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class Signal:
     time: (n, T), s since the start of the run. ctrl: (n, T, nu), as recorded. channels: names of the measured
     columns, (ny,). actuators: names of the command columns, (nu,). force: (n, T, nu), generalised force or
     force of each actuator. joint_of: the channel measures the position of this joint, or "" if it does not.
-    driven_by: the actuator that drives that joint, or -1.
+    driven_by: the actuator that drives that joint, or -1. rotor: the joint's `armature`, kg m^2 or kg, or 0.
     """
 
     time: np.ndarray
@@ -111,6 +113,7 @@ class Signal:
     force: np.ndarray
     joint_of: tuple[str, ...]
     driven_by: tuple[int, ...]
+    rotor: tuple[float, ...]
 
     def column(self, site: str) -> list[int]:
         """Columns that `site` names: one channel or actuator, or every one of them for "all"."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from fimpact.effects import amounts, sites
 from fimpact.effects.base import Coefficient, Effect, State
-from fimpact.effects.drives import dry, motor_force
+from fimpact.effects.drives import motor_force
 from fimpact.effects.native import exporting
 
 MODELS = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
@@ -31,15 +31,14 @@ def direction_dependent(model, site, forward, backward):
 
 def stribeck(state: State, site, coulomb, excess, speed):
     """Dry friction whose limit falls with speed."""
-    dof, _, moving = state.joint(site)
-    limit = coulomb + excess * np.exp(-((moving / speed) ** 2))
-    return state.on_joint(dof, dry(state, ("stribeck", site), site, limit, limit))
+    limit = coulomb + excess * np.exp(-((state.joint(site)[2] / speed) ** 2))
+    return limit, limit
 
 
 def load_dependent(state: State, site, coefficient):
     """Dry friction whose limit follows the torque that the gear carries."""
     limit = coefficient * np.abs(motor_force(state, site))
-    return state.on_joint(state.joint(site)[0], dry(state, ("load", site), site, limit, limit))
+    return limit, limit
 
 
 def dahl(state: State, site, friction, displacement):
@@ -125,7 +124,7 @@ EFFECTS = (
         equation="τ = −(Fc + ΔF exp(−(q̇/vs)²)) sign(q̇);  at rest |τ| ≤ Fc + ΔF",
         sentence="Dry friction that is stronger near rest and falls as the joint picks up speed: stick and slip.",
         reference=MODELS,
-        enters="force",
+        enters="friction",
         coefficients=(
             Coefficient("coulomb", "N m", low=0.0),
             Coefficient("excess", "N m", low=0.0),
@@ -143,7 +142,7 @@ EFFECTS = (
         equation="τ = −μ |τ_motor| sign(q̇);  at rest |τ| ≤ μ |τ_motor|",
         sentence="Gear friction that grows with the torque that the gear carries.",
         reference="Bittencourt, Gunnarsson, J. Dyn. Syst. Meas. Control 134(5), 2012",
-        enters="force",
+        enters="friction",
         coefficients=(Coefficient("coefficient", "1", low=0.0, high=1.0),),
         sites=sites.driven,
         probes=lambda scales, model, site: [{"coefficient": amounts.SMALL}],

@@ -1,14 +1,14 @@
 """Between motor and joint: play, elasticity, ripple and losses.
 
-Backlash and elasticity are quasi-static and seen by a motor-side encoder: the rotor is light enough that what lies
-between encoder and link is shifted by the torque of the moment.
+Backlash and elasticity are quasi-static and seen by a motor-side encoder: what lies between encoder and link is shifted
+by the torque of the moment, the motor's less what turns the rotor itself.
 """
 
 import numpy as np
 
 from fimpact.effects import amounts, sites
 from fimpact.effects.base import Coefficient, Effect, Signal, State
-from fimpact.effects.drives import dry, motor_force
+from fimpact.effects.drives import motor_force
 
 CYCLES = (2, 6, 12, 24)  # per turn: pole pairs, slots and teeth of usual drives
 EASING = 0.1  # of the root mean square torque, below which play is not taken up
@@ -32,7 +32,17 @@ def _encoder(measured, signal: Signal, site, lead):
     out = np.array(measured, float)
     for column, joint in enumerate(signal.joint_of):
         if joint == site and signal.driven_by[column] >= 0:
-            out[:, :, column] += lead(signal.force[:, :, signal.driven_by[column]])
+            turning = signal.rotor[column] * _acceleration(signal.time, out[:, :, column])
+            out[:, :, column] += lead(signal.force[:, :, signal.driven_by[column]] - turning)
+    return out
+
+
+def _acceleration(time, position):
+    """Second differences, (n, T), in the middle of three samples; those at the ends are repeated."""
+    out = np.zeros_like(position)
+    if position.shape[1] > 2:
+        out[:, 1:-1] = np.diff(position, 2) / (time[:, 1:2] - time[:, :1]) ** 2
+        out[:, 0], out[:, -1] = out[:, 1], out[:, -2]
     return out
 
 
@@ -46,8 +56,7 @@ def efficiency(state: State, site, loss):
     """Friction whose limit depends on whether the motor drives the joint or is driven by it."""
     force = motor_force(state, site)
     driving, driven = loss * np.abs(force), loss / (1 - loss) * np.abs(force)
-    forward, backward = np.where(force > 0, driving, driven), np.where(force < 0, driving, driven)
-    return state.on_joint(state.joint(site)[0], dry(state, ("efficiency", site), site, forward, backward))
+    return np.where(force > 0, driving, driven), np.where(force < 0, driving, driven)
 
 
 def _gap_probes(scales, model, site):
@@ -68,7 +77,7 @@ EFFECTS = (
     Effect(
         name="backlash",
         family="transmission",
-        equation="q_encoder = q + (b/2) tanh(τ_motor/ε),  ε = 0.1 rms(τ_motor)",
+        equation="q_encoder = q + (b/2) tanh(τ/ε),  τ = τ_motor − I_rotor q̈,  ε = 0.1 rms(τ)",
         sentence="Play in the gear: the motor-side encoder leads the link by half the gap, to the side it pushes.",
         reference="Nordin, Gutman, Automatica 38(10), 2002",
         enters="measurement",
@@ -81,7 +90,7 @@ EFFECTS = (
     Effect(
         name="joint_elasticity",
         family="transmission",
-        equation="q_encoder = q + τ_motor/K",
+        equation="q_encoder = q + (τ_motor − I_rotor q̈)/K",
         sentence="An elastic gear or belt: the motor-side encoder runs ahead of the link by its wind-up.",
         reference="Spong, J. Dyn. Syst. Meas. Control 109(4), 1987",
         enters="measurement",
@@ -114,7 +123,7 @@ EFFECTS = (
         equation="τ = (1 − λ) τ_motor where the motor drives, τ_motor/(1 − λ) where the joint drives the motor",
         sentence="Gear losses: part of the motor's power does not reach the joint, and back-driving costs extra.",
         reference="Wang, Kim, Directional efficiency in geared transmissions, ICRA 2015",
-        enters="force",
+        enters="friction",
         coefficients=(Coefficient("loss", "1", low=0.0, high=0.9),),
         sites=sites.driven,
         probes=lambda scales, model, site: [{"loss": amounts.SMALL}],

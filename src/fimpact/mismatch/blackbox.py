@@ -44,7 +44,8 @@ def black_box(simulator: Simulator, windows: Windows, location: Location) -> Pla
     index = np.round(location.time / simulator.recording.period).astype(int)
     ctrl = windows.ctrl[windows.runs[:, None], np.minimum(index, windows.ctrl.shape[1] - 1)]
     parts = [location.qpos, location.qvel, ctrl]
-    inputs = np.concatenate([part.reshape(-1, part.shape[2]) for part in parts], 1)
+    count = location.time.size  # a recording without commands has no numbers in that part
+    inputs = np.concatenate([part.reshape(count, part.shape[2]) for part in parts], 1)
     target = location.force.reshape(-1, location.force.shape[2])
     groups = np.repeat(np.arange(len(windows.runs)) % FOLDS, location.time.shape[1])
     best = min((_left_out(inputs, target, groups, width, ridge), width, ridge) for width in WIDTHS for ridge in RIDGES)

@@ -1,36 +1,115 @@
-"""The colour of what disturbs a robot: slow forces that differ from window to window.
+"""The colour of what disturbs a robot: forces that nobody commands and that differ from window to window.
 
-A draught, a cable, a warm motor push for longer than a sample. Such a disturbance is louder than the sensors in a few
-directions, those of a slow force in a window, and a score that took it for white noise would find physics in it. Its
-size is read from the residual itself, pooled over all windows, so a missing effect counts as noise here at first: that
-costs power and never honesty.
+A draught, a cable, a warm motor push for longer than a sample. Such a force is taken for a random one that forgets
+itself exponentially (Ornstein-Uhlenbeck), one size for each degree of freedom and one memory, both at their restricted
+likelihood's maximum. Through the sensitivities to forces that gives the covariance of the residual, I + P K P'. Its
+size is read from the residual itself, so a missing effect counts as noise here at first: that costs power and never
+honesty.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize
 
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.problem import Problem
+from fimpact.mismatch.problem import Linear, Problem
 from fimpact.mismatch.pulses import BINS, Pulses
 
-CLOCK = 0.05  # of the sampling period: sd of a run's clock against that of its commands
-ORDERS = 3  # a constant, a ramp and a bend; what is faster was never louder than the sensors
+CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its commands
+SIZES = (-9.0, 14.0)  # log of the variance, in units of what the sensors show of it
+MEMORIES = (-1.0, 3.5)  # log of the memory, in bins
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """Standard deviation of the random force on each degree of freedom, (nv,), N or N m, and its memory in bins."""
+
+    sd: np.ndarray
+    memory: float
+
+    def root(self) -> np.ndarray:
+        """Cholesky factor of the covariance of the pulses, (nv * BINS, nv * BINS)."""
+        apart = np.abs(np.subtract.outer(np.arange(BINS), np.arange(BINS)))
+        return np.kron(np.diag(self.sd), np.linalg.cholesky(np.exp(-apart / self.memory) + 1e-9 * np.eye(BINS)))
+
+
+@dataclass(frozen=True)
+class Colour:
+    """Orthonormal directions (w, m, c) in which the residual of each window is louder than noise by sd `louder`, (w, c)."""
+
+    directions: np.ndarray
+    louder: np.ndarray
+
+    def white(self, columns: np.ndarray) -> np.ndarray:
+        """`columns`, (w, m, k), in units in which the residual is white."""
+        along = self.directions.transpose(0, 2, 1) @ columns
+        return columns - self.directions @ (along * (1 - 1 / self.louder)[:, :, None])
+
+    def apply(self, linear: Linear) -> Linear:
+        """`linear`, which knows no colour, in those units."""
+        basis, triangle = np.linalg.qr(self.white(linear.basis @ linear.triangle))
+        new = Linear(basis, triangle, linear.raw, linear.raw, self)
+        return replace(new, projected=new.off(linear.raw))
+
+
+def disturbance(fitted: Fit, found: Pulses) -> Disturbance:
+    """The disturbance under which the residual of `fitted` is most likely."""
+    free, left = fitted.linear.off(found.columns), fitted.linear.off(fitted.point.residual)
+    gram, along = free.transpose(0, 2, 1) @ free, np.einsum("wmb,wm->wb", free, left)
+    seen = gram.diagonal(0, 1, 2).mean(0).reshape(-1, BINS).mean(1)
+    unit, nv = 1 / np.sqrt(np.maximum(seen, 1e-300)), len(seen)
+
+    def read(z):
+        return Disturbance(np.exp(z[:nv] / 2) * unit, float(np.exp(z[nv])))
+
+    def unlikely(z):
+        root = read(z).root()
+        inner = np.eye(len(root)) + root.T @ gram @ root
+        shown = along @ root
+        return (np.linalg.slogdet(inner)[1] - (shown * np.linalg.solve(inner, shown[..., None])[..., 0]).sum(1)).sum()
+
+    best = minimize(unlikely, np.append(np.zeros(nv), 1.0), method="L-BFGS-B", bounds=[SIZES] * nv + [MEMORIES])
+    return read(best.x)
+
+
+def colour(found: Pulses, pushing: Disturbance) -> Colour:
+    """What `pushing` makes of the noise in the windows of `found`."""
+    directions, size, _ = np.linalg.svd(found.columns @ pushing.root(), full_matrices=False)
+    return Colour(directions, np.sqrt(1 + size**2))
 
 
 def coloured(problem: Problem, fitted: Fit, found: Pulses) -> Fit:
-    """`fitted` with its problem in units of noise that slow forces make louder, and with a clock of its own for each
+    """`fitted` with its problem in units in which disturbances are white noise, and with a clock of its own for each
     run as further coordinates."""
-    linear = replace(fitted.linear, raw=np.concatenate([fitted.linear.raw, _clocks(problem, fitted)], 2))
-    directions = _directions(linear, found)
-    energy = np.einsum("wmc,wm->wc", directions, linear.off(fitted.point.residual)) ** 2
-    noisy = replace(linear, coloured=directions, louder=np.sqrt(np.maximum(energy.mean(0), 1.0)))
-    noisy = replace(noisy, projected=noisy.off(linear.raw))
-    runs = linear.raw.shape[2] - len(fitted.pull)
+    plain = replace(fitted.linear, raw=np.concatenate([fitted.linear.raw, _clocks(problem, fitted)], 2))
+    noisy = colour(found, disturbance(fitted, found)).apply(plain)
+    runs = plain.raw.shape[2] - len(fitted.pull)
     prior = np.append(fitted.coordinates.sd, np.full(runs, CLOCK))
     precision = np.einsum("wma,wmb->ab", noisy.projected, noisy.projected) + np.diag(prior**-2.0)
     scale = np.append(fitted.scale, np.full(runs, CLOCK))
     return replace(fitted, linear=noisy, precision=precision, scale=scale, pull=np.append(fitted.pull, np.zeros(runs)))
+
+
+def generalised(fitted: Fit, shade: Colour) -> np.ndarray:
+    """Squares of each window, (w,), at the generalised least-squares optimum one linear step from `fitted`."""
+    linear, free = shade.apply(fitted.linear), fitted.coordinates
+    left, z, bent = linear.off(fitted.point.residual), free.read(fitted.point.hypothesis), fitted.pull
+    slope = np.einsum("wma,wm->a", linear.projected, left) - bent
+    open_ = ~(((z <= free.low) & (slope < 0)) | ((z >= free.high) & (slope > 0)))
+    scale = free.scale * open_
+    hessian = np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(free.sd**-2.0)
+    scaled = hessian * np.outer(scale, scale)
+    step = scale * np.linalg.lstsq(scaled, slope * scale, rcond=1e-12)[0] if len(z) else z
+    step = np.clip(z + step, free.low, free.high) - z
+    return ((left - linear.projected @ step) ** 2).sum(1)
+
+
+def covariance(fitted: Fit, found: Pulses, pushing: Disturbance) -> np.ndarray:
+    """Of the coordinates of a least-squares fit under such a disturbance, (k, k): White's sandwich."""
+    own, slopes = fitted.covariance, fitted.linear.projected
+    shown = pushing.root().T @ np.einsum("wmb,wma->wba", found.columns, slopes)
+    return own + own @ np.einsum("wba,wbc->ac", shown, shown) @ own
 
 
 def _clocks(problem: Problem, fitted: Fit) -> np.ndarray:
@@ -40,15 +119,3 @@ def _clocks(problem: Problem, fitted: Fit) -> np.ndarray:
     late = problem.whiten(-np.gradient(predicted, axis=1))
     own = windows.runs[:, None] == np.unique(windows.runs)
     return problem.extend(late[:, :, None] * own[:, None, :])
-
-
-def _directions(linear, found: Pulses) -> np.ndarray:
-    """Orthonormal, off the initial states, constants first, the most visible joint first: (w, m, ORDERS * nv)."""
-    waves = np.polynomial.legendre.legvander(np.linspace(-1, 1, BINS), ORDERS - 1)
-    free, basis = linear.off(found.columns), np.zeros((*found.columns.shape[:2], 0))
-    for wave in waves.T:
-        joints = free.reshape(*free.shape[:2], -1, BINS) @ wave
-        for _ in range(2):  # once is not enough for directions that are nearly taken already
-            joints = joints - basis @ (basis.transpose(0, 2, 1) @ joints)
-        basis = np.concatenate([basis, np.linalg.svd(joints, full_matrices=False)[0]], 2)
-    return basis

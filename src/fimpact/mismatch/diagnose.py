@@ -72,11 +72,11 @@ def in_words(naming: Naming, recording: Recording, placed) -> str:
 
 def parameter_rows(naming: Naming, recording: Recording) -> list[dict[str, Any]]:
     """One row per fitted number: name, of (the unknown or ``effect@site``), unit, before (the naive model's own
-    value, None for an effect), naive (its fit without the effect), after, and its 95 % interval low, high, widened by
-    the dispersion of the residual."""
+    value, None for an effect), naive (its fit without the effect), after, and its 95 % interval low, high, widened for
+    the colour of the residual."""
     fitted, naive = naming.best.fitted, naming.naive.fitted
     after = fitted.coordinates.read(fitted.point.hypothesis)
-    error = Z95 * np.sqrt(np.diag(fitted.covariance) * naming.dispersion)
+    error = Z95 * np.sqrt(np.diag(naming.covariance))
     unknowns = recording.unknowns
     own, alone = naive.coordinates.mean, naive.coordinates.read(naive.point.hypothesis)
     labels = [
@@ -103,7 +103,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "p": naming.p,
         "left": naming.left,
         "nameless": naming.nameless,
-        "dispersion": naming.dispersion,
+        "widened": naming.widened,
         "location": {
             "sentence": location.sentence,
             "places": [asdict(place) for place in location.places],

@@ -11,10 +11,11 @@ import numpy as np
 from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem, shift
 from fimpact.mismatch.simulate import Hypothesis
 
-SETTLED, RELATIVE = 0.02, 1e-6  # log-likelihood, or share of the cost: less predicted gain changes no conclusion
+SETTLED, RELATIVE = 0.05, 2e-6  # log-likelihood, or share of the cost: less predicted gain changes no conclusion
 THOUSANDTH = 1e-3
 UNSEEN = 1e-6  # squared sensitivity to a coordinate's whole scale below which it is left where it is
 DAMPING = (1e-4, 1e6)
+FULL = 1e-3  # damping up to which a step is as long as it wants to be
 
 
 @dataclass(frozen=True)
@@ -46,21 +47,28 @@ def fit(
     start: Point,
     iterations: int = 12,
     linear: Linear | None = None,
-    patience: int = 0,
+    patience: int = 2,
+    refresh: bool = True,
 ) -> Fit:
     """Minimise from `start`.
 
     Args:
         linear: sensitivities to begin with; they are kept for `patience` iterations and refreshed after.
+        refresh: whether those that are returned must be of the optimum itself, and not of a point near it.
     """
     point, damping, converged = start if linear else settled(problem, coordinates, start), DAMPING[0], False
     linear, age = linear or problem.linearise(point, coordinates), 0
     for _ in range(iterations):
         z_step, x_step, gain = _step(point, linear, coordinates, damping)
-        if gain < max(SETTLED, RELATIVE * point.cost) and (age == 0 or patience == 0):
-            converged = True
-            break
+        if gain < max(SETTLED, RELATIVE * point.cost):
+            if age == 0 or not refresh:
+                converged = True
+                break
+            linear, age = problem.linearise(point, coordinates), 0
+            continue
         trial = _moved(problem, point, coordinates, z_step, x_step)
+        # A full step that changes nothing: what a secant promises beyond that is its own error.
+        converged = age == 0 and damping <= FULL and abs(point.cost - trial.cost) < max(SETTLED, RELATIVE * point.cost)
         if trial.cost < point.cost:
             enough = point.cost - trial.cost > 0.5 * gain
             point, damping = trial, max(damping / 10, DAMPING[0])
@@ -71,10 +79,20 @@ def fit(
             linear, age = problem.linearise(point, coordinates), 0
         else:
             damping *= 30
-            if damping > DAMPING[1]:
-                break
-    if age > 0:
+        if converged or damping > DAMPING[1]:
+            break
+    if age > 0 and refresh:
         linear = problem.linearise(point, coordinates)
+    return _made(point, linear, coordinates, converged)
+
+
+def relinearised(problem: Problem, found: Fit) -> Fit:
+    """`found` with the sensitivities of its own point: what is tested next may be all but one of them."""
+    linear = problem.linearise(found.point, found.coordinates)
+    return _made(found.point, linear, found.coordinates, found.converged)
+
+
+def _made(point: Point, linear: Linear, coordinates: Coordinates, converged: bool) -> Fit:
     pull = (coordinates.read(point.hypothesis) - coordinates.mean) / coordinates.sd**2
     return Fit(point, linear, coordinates, precision_of(linear, coordinates), coordinates.scale, pull, converged)
 

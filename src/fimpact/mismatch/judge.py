@@ -1,18 +1,21 @@
 """The same question put to every explanation: how well does it predict, initial states profiled, training and held out?
 
-Numerics are not physics: the error of the time step is measured by halving it, taken out by Richardson extrapolation,
-and what that leaves is counted as noise.
+Numerics are not physics: the error of the time step is measured by halving it twice, taken out by Richardson's
+extrapolation, and what is uncertain about that is counted as noise.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from fimpact.mismatch.fit import Fit, first_point, fit
+from fimpact.mismatch.fit import Fit, first_point, fit, relinearised
 from fimpact.mismatch.problem import NOTHING, Coordinates, Linear, Point, Problem
 from fimpact.mismatch.simulate import Hypothesis, Simulator, cut
 from fimpact.mismatch.starts import noise_level, start_states
 from fimpact.recordings import Recording
+
+ROUNDS = 4  # of numerics and fit in turn, at most
+STILL = 3.0  # standard deviations squared, all samples together: no conclusion hangs on less
 
 
 @dataclass(frozen=True)
@@ -37,40 +40,49 @@ def bench(recording: Recording) -> Bench:
     return Bench(*problems, (Simulator(recording, 2), Simulator(recording, 4)), noise)
 
 
-def correct(bench: Bench, problem: Problem, point: Point) -> None:
-    """Set the problem's numerical offset at `point` to 2 (y_{h/2} - y_h), Richardson's for a first-order integrator,
-    and count what the next halving would still change as noise."""
+def correct(bench: Bench, problem: Problem, point: Point) -> float:
+    """Set the problem's numerical offset at `point` to what Richardson's extrapolation of y_h, y_{h/2} and y_{h/4} adds to
+    y_h, for a first-order integrator, and count half its last step, `bend`, as noise; that step is taken once.
+
+    Returns:
+        How far the offset moved: the sum of squares, in standard deviations of the noise.
+    """
     where = (problem.windows, point.qpos, point.qvel)
-    half = bench.finer[0].predict(point.hypothesis, *where)
-    offset = 2 * (half - problem.simulator.predict(point.hypothesis, *where))
-    problem.offset = np.where(np.isfinite(offset), offset, 0.0)
-    if not problem.corrected:  # later, noise stays what it was, or models could not be compared
+    whole, half = (s.predict(point.hypothesis, *where) for s in (problem.simulator, bench.finer[0]))
+    if problem.bend is None:  # later, noise stays what it was, or models could not be compared
         quarter = bench.finer[1].predict(point.hypothesis, *where)
-        left = 2 * (quarter - half) - problem.offset / 2
-        problem.noise = np.sqrt(bench.noise**2 + np.where(np.isfinite(left), left, 0.0) ** 2)
-    problem.corrected = True
+        problem.bend = np.nan_to_num(4 * (2 * quarter - 3 * half + whole) / 3, posinf=0.0, neginf=0.0)
+        problem.noise = np.sqrt(bench.noise**2 + (problem.bend / 2) ** 2)
+    offset = np.nan_to_num(2 * (half - whole), posinf=0.0, neginf=0.0) + problem.bend
+    moved = problem.whiten(offset - problem.offset)
+    problem.offset = offset
+    return float((moved**2).sum())
 
 
 def settle(problem: Problem, hypothesis: Hypothesis, near: Point | None = None, linear: Linear | None = None) -> Fit:
     """Only the initial states fitted: how `hypothesis` predicts windows that it may not learn from."""
     states = (near.qpos, near.qvel) if near else problem.starts
     start = problem.evaluate(hypothesis, *states, NOTHING)
-    return fit(problem, NOTHING, start, 8, linear, 2 if linear else 0)
+    return fit(problem, NOTHING, start, 8, linear, refresh=False)
 
 
 def base_fit(bench: Bench, coordinates: Coordinates, hypothesis: Hypothesis) -> tuple[Fit, Fit]:
     """The hypothesis fitted to the training windows, and settled on those held out, numerics corrected at both."""
     found = fit(bench.training, coordinates, first_point(bench.training, coordinates, hypothesis))
-    found = again(bench, bench.training, found)
+    found = relinearised(bench.training, again(bench, bench.training, found))
     return found, again(bench, bench.held_out, settle(bench.held_out, found.point.hypothesis))
 
 
 def again(bench: Bench, problem: Problem, found: Fit) -> Fit:
-    """Numerics corrected at `found`, and the fit continued from there."""
-    point = found.point
-    correct(bench, problem, point)
-    start = problem.evaluate(point.hypothesis, point.qpos, point.qvel, found.coordinates)
-    return fit(problem, found.coordinates, start, linear=found.linear, patience=3)
+    """Numerics corrected at `found` and the fit continued from there, until the one no longer moves the other."""
+    for _ in range(ROUNDS):
+        moved = correct(bench, problem, found.point)
+        point = found.point
+        start = problem.evaluate(point.hypothesis, point.qpos, point.qvel, found.coordinates)
+        found = fit(problem, found.coordinates, start, 12, found.linear, refresh=False)
+        if moved < STILL:
+            break
+    return found
 
 
 def squares(found: Fit) -> np.ndarray:

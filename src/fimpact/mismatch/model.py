@@ -34,7 +34,7 @@ NUMERICS = (
     (RK4, 3),
     (None, 3),
 )  # integrator (None: own), halvings of the step
-LISTS = {"model": "EDITS", "force": "FORCES", "command": "COMMANDS", "measurement": "MEASUREMENTS"}
+LISTS = {"model": "EDITS", "force": "FORCES", "friction": "FRICTIONS", "command": "COMMANDS", "measurement": "MEASUREMENTS"}
 KEPT = ("body_", "dof_", "jnt_", "geom_", "site_", "actuator_", "pair_", "eq_", "tendon_", "qpos", "cam_", "mesh_")
 
 
@@ -224,6 +224,7 @@ def _constants(diagnosis: Diagnosis) -> dict[str, str]:
         "ACTUATORS": signal.actuators,
         "JOINT_OF": signal.joint_of,
         "DRIVEN_BY": signal.driven_by,
+        "ROTOR": signal.rotor,
         "GAINS": tuple(signal.force[0, 0].tolist()),
     }
     return {name: repr(value) for name, value in values.items()}

@@ -11,8 +11,8 @@ import numpy as np
 
 from fimpact.effects.base import Effect, Placed
 from fimpact.mismatch.calibrate import adjusted, adjusted_groups, background
-from fimpact.mismatch.colour import coloured
-from fimpact.mismatch.fit import Fit, fit
+from fimpact.mismatch.colour import colour, coloured, covariance, disturbance, generalised
+from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.judge import Bench, again, base_fit, freedom, settle, squares
 from fimpact.mismatch.problem import Linear, coordinates
 from fimpact.mismatch.pulses import Pulses, curves, pulses
@@ -27,6 +27,7 @@ TRACE = 0.02  # share of what there was to explain that is not worth a further e
 MEMBERS = 1 / 50  # weight, relative to the best, above which an explanation cannot be told from it
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 CERTAIN = 0.01  # family-wise p at which a force without a name is there beside the best named answer
+SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
 LARGEST = 3  # effects that are added, at most
 
 
@@ -39,13 +40,15 @@ NAMELESS = Placed(
 
 @dataclass(frozen=True)
 class Explanation:
-    """The effects added, the fit, and the held-out windows under it; weight: its share of belief among its rivals."""
+    """The effects added, the fit, and the held-out windows under it; deviance: `explain`, or `weigh` where rivals were
+    weighed; weight: its share of belief among its rivals; dispersion: what their deviances were divided by."""
 
     placed: tuple[Placed, ...]
     fitted: Fit
     judged: Fit
     deviance: float
     weight: float = 0.0
+    dispersion: float = 1.0
 
     @property
     def name(self) -> str:
@@ -61,14 +64,19 @@ class Step:
     p: np.ndarray
     rivals: list[Explanation]
 
+    @property
+    def least(self) -> float:
+        """Family-wise p of the strongest candidate."""
+        return float(min((p for c, p in zip(self.screened, self.p, strict=True) if c.allowed), default=1.0))
+
 
 @dataclass(frozen=True)
 class Naming:
     """The naive explanation, the steps, and the answer: `best` and the rivals that cannot be told from it.
 
     left: share of the explainable mismatch that `best` leaves. nameless: family-wise p of forces without a name, as
-    curves over position, speed and time, beside the naive model and beside `best`. dispersion: of the residual under
-    `best`, 1: noise. pulses: the sensitivities behind `nameless`.
+    curves over position, speed and time, beside the naive model and beside `best`. covariance: of the coordinates of
+    `best`, disturbances counted. pulses: the sensitivities behind `nameless`.
     """
 
     naive: Explanation
@@ -77,14 +85,19 @@ class Naming:
     members: list[Explanation]
     left: float
     nameless: tuple[float, float]
-    dispersion: float
+    covariance: np.ndarray
     pulses: Pulses
+
+    @property
+    def widened(self) -> float:
+        """How much wider disturbances make the intervals, the median over the fitted coordinates."""
+        ratio = np.diag(self.covariance) / np.diag(self.best.fitted.covariance)
+        return float(np.sqrt(np.median(ratio))) if len(ratio) else 1.0
 
     @property
     def p(self) -> float:
         """Family-wise p of the strongest candidate that the naive model was tested for."""
-        step = self.steps[0]
-        return float(min((p for c, p in zip(step.screened, step.p, strict=True) if c.allowed), default=1.0))
+        return self.steps[0].least
 
     @property
     def answer(self) -> str:
@@ -111,27 +124,30 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
     naive = explain(*base_fit(bench, coordinates(simulator), Hypothesis(simulator.theta)))
     tried = proposals(effects, bench.training, scales(bench.training, naive.fitted.point))
     progress(f"screening {len(tried)} candidates")
-    found = pulses(bench.training, naive.fitted)
-    search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), found, progress)
+    found = pulses(bench.training, naive.fitted), pulses(bench.held_out, naive.judged)
+    search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), *found, progress)
     best, rivals, steps = naive, [], []
     while len(best.placed) < LARGEST:
         steps.append(_step(search, best, TRACE * _excess(naive) if best.placed else 0.0))
-        if not steps[-1].rivals or not _worthwhile(bench, naive, best, steps[-1]):
+        if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
             break
         rivals = steps[-1].rivals
         if len(rivals[0].placed) > 1:
             rivals = _reconsider(search, rivals)
         best = numerics(bench, rivals[0])
+        best = replace(best, fitted=relinearised(bench.training, best.fitted))
     return _answer(search, naive, steps, best, rivals[1:])
 
 
 @dataclass(frozen=True)
 class Search:
-    """What every round needs: the problems, the candidates as screened at the naive fit, and where progress is told."""
+    """What every round needs: the problems, the candidates as screened at the naive fit, the sensitivities to forces in
+    training and held-out windows, and where progress is told."""
 
     bench: Bench
     candidates: tuple[Candidate, ...]
     pulses: Pulses
+    held_out: Pulses
     progress: Callable[[str], None]
 
 
@@ -150,16 +166,15 @@ def _step(search: Search, current: Explanation, least: float = 0.0) -> Step:
     if not screened:
         return Step([], np.zeros(0), [])
     p = family_p(search.pulses, fitted, screened)
-    found = min((value for c, value in zip(screened, p, strict=True) if c.allowed), default=1.0) <= ALARM
-    # In units of the noise, slow forces included: what it can be of the plain squares at most.
-    if not found or screened[0].gain * fitted.linear.louder.max() ** 2 < least:
-        return Step(screened, p, [])
+    step = Step(screened, p, [])
+    if step.least > ALARM or screened[0].gain < least:
+        return step
     rivals = []
     for candidate in shortlist(screened):
         progress(f"refitting with {candidate.placed.name}")
         rivals.append(refit(bench, current, candidate))
     rivals = [r for r in rivals if np.isfinite(r.deviance)]
-    return Step(screened, p, weigh(rivals))
+    return replace(step, rivals=weigh(search.pulses, search.held_out, rivals))
 
 
 def shortlist(screened: list[Candidate]) -> list[Candidate]:
@@ -182,7 +197,7 @@ def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanati
     base = problem.predict(start.hypothesis, point.qpos, point.qvel)
     raw = np.concatenate([current.fitted.linear.raw, problem.columns(start, free, new, base)], 2)
     linear = Linear(current.fitted.linear.basis, current.fitted.linear.triangle, raw, raw)
-    fitted = fit(problem, free, start, 12, replace(linear, projected=linear.off(raw)), patience=3)
+    fitted = fit(problem, free, start, 12, replace(linear, projected=linear.off(raw)))
     judged = settle(bench.held_out, fitted.point.hypothesis, current.judged.point, current.judged.linear)
     offsets = problem.offset, bench.held_out.offset
     found = numerics(bench, explain(fitted, judged))
@@ -193,9 +208,9 @@ def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanati
 def numerics(bench: Bench, best: Explanation) -> Explanation:
     """The explanation with the time step's error measured where it now is, refitted."""
     fitted = again(bench, bench.training, best.fitted)
-    judged = settle(bench.held_out, fitted.point.hypothesis, best.judged.point)
+    judged = settle(bench.held_out, fitted.point.hypothesis, best.judged.point, best.judged.linear)
     judged = again(bench, bench.held_out, judged)
-    return replace(explain(fitted, judged), weight=best.weight)
+    return replace(explain(fitted, judged), weight=best.weight, dispersion=best.dispersion)
 
 
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
@@ -203,11 +218,11 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
     for leaving in rivals[0].placed:
         rest = tuple(p for p in rivals[0].placed if p.name != leaving.name)
         reduced = without(search.bench, rivals[0], rest)
-        if reduced.deviance <= rivals[0].deviance:
+        if weigh(search.pulses, search.held_out, [reduced, rivals[0]])[0].placed == reduced.placed:
             return [replace(reduced, weight=1.0)]
         found = _step(search, reduced).rivals
         known = {r.name for r in rivals}
-        rivals = weigh(rivals + [r for r in found if r.name not in known])
+        rivals = weigh(search.pulses, search.held_out, rivals + [r for r in found if r.name not in known])
     return rivals
 
 
@@ -226,56 +241,81 @@ def sizes_of(placed: Placed) -> dict[str, float]:
 
 
 def explain(fitted: Fit, judged: Fit) -> Explanation:
-    """An explanation with its deviance: squares of training and held-out windows, and log(samples) for each coefficient
-    of an effect, as in Schwarz's criterion."""
-    placed = fitted.point.hypothesis.placed
-    samples = sum((part.point.residual != 0).sum() for part in (fitted, judged))
-    price = np.log(samples) * sum(len(p.effect.coefficients) for p in placed)
-    return Explanation(placed, fitted, judged, float(squares(fitted).sum() + squares(judged).sum() + price))
+    """An explanation with its deviance: squares of training and held-out windows, and its price."""
+    found = Explanation(fitted.point.hypothesis.placed, fitted, judged, 0.0)
+    return replace(found, deviance=float(squares(fitted).sum() + squares(judged).sum() + price(found)))
 
 
-def dispersion(best: Explanation) -> float:
+def price(explanation: Explanation) -> float:
+    """log(samples) for each coefficient of an effect, as in Schwarz's criterion."""
+    samples = sum((part.point.residual != 0).sum() for part in _parts(explanation))
+    return float(np.log(samples) * sum(len(p.effect.coefficients) for p in explanation.placed))
+
+
+def weigh(found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
+    """Rivals in falling order of weight, exp(-deviance / 2) with overdispersion, all under the disturbance that the
+    likeliest of them leaves: generalised squares and log(samples) for each coefficient of an effect."""
+    if not rivals:
+        return []
+    pushing = disturbance(min(rivals, key=lambda r: r.deviance).fitted, found)
+    shades = colour(found, pushing), colour(held_out, pushing)
+    sums = [[generalised(part, shade) for part, shade in zip(_parts(r), shades, strict=True)] for r in rivals]
+    deviance = np.array([sum(part.sum() for part in pair) + price(r) for pair, r in zip(sums, rivals, strict=True)])
+    least = int(np.argmin(deviance))
+    spread = dispersion(rivals[least], sums[least])
+    raw = np.exp(-(deviance - deviance[least]) / 2 / spread)
+    weighted = [
+        replace(r, weight=float(w), deviance=float(d), dispersion=spread)
+        for r, w, d in zip(rivals, raw / raw.sum(), deviance, strict=True)
+    ]
+    return sorted(weighted, key=lambda r: r.deviance)
+
+
+def _parts(explanation: Explanation) -> tuple[Fit, Fit]:
+    return explanation.fitted, explanation.judged
+
+
+def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
     """What differences of deviance, and variances, are scaled by: 1 for noise, more where a residual remembers itself.
 
     A window's sum of squares is taken as a scaled chi-square, its scale by moments: variance / (2 mean).
+
+    Args:
+        sums: squares of each training and each held-out window, (w,) each.
     """
     found = []
-    for part in (best.fitted, best.judged):
-        sums, samples = squares(part), (part.point.residual != 0).sum(1)
-        found.append(sums.sum() / samples.sum())
-        if len(sums) > 2:
-            found.append(np.var(sums * samples.mean() / samples, ddof=1) / (2 * sums.mean()))
+    for part, own in zip(_parts(best), sums, strict=True):
+        samples = (part.point.residual != 0).sum(1)
+        found.append(own.sum() / samples.sum())
+        if len(own) > 2:
+            found.append(np.var(own * samples.mean() / samples, ddof=1) / (2 * own.mean()))
     return float(max(1.0, *found))
 
 
-def weigh(rivals: list[Explanation]) -> list[Explanation]:
-    """Rivals in falling order of weight, exp(-deviance / 2) with overdispersion."""
-    if not rivals:
-        return []
-    least = min(rivals, key=lambda r: r.deviance)
-    spread = dispersion(least)
-    raw = np.array([np.exp(-(r.deviance - least.deviance) / 2 / spread) for r in rivals])
-    weighted = [replace(r, weight=float(w)) for r, w in zip(rivals, raw / raw.sum(), strict=True)]
-    return sorted(weighted, key=lambda r: -r.weight)
-
-
-def _worthwhile(bench: Bench, naive: Explanation, current: Explanation, step: Step) -> bool:
-    """Whether the best rival predicts held-out windows better, by more than a trace of what there was to explain."""
+def _worthwhile(search: Search, naive: Explanation, current: Explanation, step: Step) -> bool:
+    """Whether the best rival predicts held-out windows better, and a further one by more than a trace of what there was
+    to explain. What training shows beyond doubt, a few held-out runs may fail to show by chance."""
     best = step.rivals[0]
-    gain = squares(current.judged) - squares(best.judged)
-    whole = squares(naive.judged).sum() - freedom(bench.held_out)
-    return bool(gain.sum() > max(TRACE * whole, 0.0))
+    shade = colour(search.held_out, disturbance(best.fitted, search.pulses))
+    before, now, then = (generalised(e.judged, shade).sum() for e in (naive, current, best))
+    if current.placed:
+        return bool(now - then > max(TRACE * (before - freedom(search.bench.held_out)), 0.0))
+    return bool(now - then > (-CHANCE if step.least <= SURE else 0.0))
 
 
 def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explanation, others) -> Naming:
     bench, found = search.bench, search.pulses
+    pushing = disturbance(best.fitted, found)
+    shades = colour(found, pushing), colour(search.held_out, pushing)
     free = freedom(bench.training, len(best.fitted.coordinates.scale)) + freedom(bench.held_out)
-    before, after = (squares(e.fitted).sum() + squares(e.judged).sum() - free for e in (naive, best))
+    sums = (sum(generalised(f, s).sum() for f, s in zip(_parts(e), shades, strict=True)) for e in (naive, best))
+    before, after = (total - free for total in sums)
     left = float(np.clip(after / before, 0.0, 1.0)) if before > 0 else 0.0
     rivals = [r for r in others if r.weight >= MEMBERS * best.weight and not _generalises(r, best)]
     members = [best, *rivals] if best.placed else []
     p = tuple(nameless(bench, e.fitted, found) for e in (naive, best))
-    return Naming(naive, steps, best, members, left, p, dispersion(best), found)
+    spread = best.dispersion * covariance(best.fitted, found, pushing)
+    return Naming(naive, steps, best, members, left, p, spread, found)
 
 
 def _generalises(rival: Explanation, best: Explanation) -> bool:

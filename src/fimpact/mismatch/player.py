@@ -9,10 +9,10 @@ import numpy as np
 from fimpact.effects.base import Signal, State
 
 # Each law comes with the name of its site and its values.
-EDITS, FORCES, COMMANDS, MEASUREMENTS = [], [], [], []
+EDITS, FORCES, FRICTIONS, COMMANDS, MEASUREMENTS = [], [], [], [], []
 PERIOD = 0.0
 PAST = 0  # rows of commands that actuators with a lag or delay remember
-CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, GAINS = (), (), (), (), ()
+CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, ROTOR, GAINS = (), (), (), (), (), ()
 
 
 def load(path):
@@ -30,9 +30,11 @@ class Stepper:
 
     def __init__(self, model, data):
         self.model, self.data, self.memory, self.before = model, data, {}, None
+        self.own = np.array(model.dof_frictionloss)
 
     def step(self, ctrl):
-        """Hold the commands `ctrl` (nu,) over one time step; the added forces go to `data.qfrc_applied`."""
+        """Hold the commands `ctrl` (nu,) over one time step; the added forces go to `data.qfrc_applied`,
+        and dry friction that changes to `model.dof_frictionloss` for the time of the step."""
         model, data = self.model, self.data
         data.ctrl[:] = ctrl
         now = np.concatenate([data.qpos, data.qvel])
@@ -43,8 +45,15 @@ class Stepper:
             model, position, speed, data.ctrl[None].copy(), np.array([data.time]), model.opt.timestep, self.memory
         )
         data.qfrc_applied[:] = sum((law(seen, site, **values)[0] for law, site, values in FORCES), np.zeros(model.nv))
+        for law, site, values in FRICTIONS:
+            forward, backward = (float(limit[0]) for limit in law(seen, site, **values))
+            dof = model.joint(site).dofadr[0]
+            # Unequal limits are equal ones beside a constant force.
+            model.dof_frictionloss[dof] += (forward + backward) / 2
+            data.qfrc_applied[dof] += (backward - forward) / 2
         self.before = now
         mujoco.mj_step(model, data)
+        model.dof_frictionloss[:] = self.own
 
 
 def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
@@ -92,7 +101,7 @@ def measurements(read, ctrl, first=0):
 
 
 def _signal(time, ctrl):
-    return Signal(time, ctrl, CHANNELS, ACTUATORS, ctrl * np.array(GAINS), JOINT_OF, DRIVEN_BY)
+    return Signal(time, ctrl, CHANNELS, ACTUATORS, ctrl * np.array(GAINS), JOINT_OF, DRIVEN_BY, ROTOR)
 
 
 def _column(model, channel):

@@ -5,6 +5,7 @@ window. X is projected off window by window (QR), which leaves a small problem i
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -13,7 +14,11 @@ from fimpact.effects.base import Placed
 from fimpact.mismatch.simulate import Hypothesis, Simulator, Windows
 from fimpact.recordings import FIELDS
 
-SECANT = 1e-4  # of a coordinate's scale; far above the contact solver's noise, far below what is nonlinear
+if TYPE_CHECKING:
+    from fimpact.mismatch.colour import Colour
+
+SECANT = 1e-3  # of a coordinate's scale; far above the contact solver's noise, far below what is nonlinear
+NUDGE = 1e-5  # m, rad and their rates: the same for an initial state
 WEAK = 1e-6  # prior weight of an initial state that nobody knows; only there to keep R invertible
 
 
@@ -61,22 +66,20 @@ class Point:
 class Linear:
     """The problem linearised: orthonormal basis Q (w, m, nx) and R of X; J (w, m, k) raw and `projected` off Q.
 
-    coloured: directions (w, m, c), orthonormal and off Q, in which the noise is louder by sd `louder` (c,), or None.
+    colour: what disturbances make of the noise, None: it is white.
     """
 
     basis: np.ndarray
     triangle: np.ndarray
     raw: np.ndarray
     projected: np.ndarray
-    coloured: np.ndarray | None = None
-    louder: np.ndarray | None = None
+    colour: "Colour | None" = None
 
     def off(self, columns: np.ndarray) -> np.ndarray:
         """`columns`, (w, m) or (w, m, c), with what initial states imitate taken out, and in units of the noise."""
         flat = columns if columns.ndim == 3 else columns[..., None]
+        flat = self.colour.white(flat) if self.colour else flat
         left = flat - self.basis @ (self.basis.transpose(0, 2, 1) @ flat)
-        if self.coloured is not None:
-            left -= self.coloured @ ((self.coloured.transpose(0, 2, 1) @ left) * (1 - 1 / self.louder)[:, None])
         return left if columns.ndim == 3 else left[..., 0]
 
 
@@ -86,7 +89,7 @@ class Problem:
     def __init__(self, simulator: Simulator, windows: Windows, noise: np.ndarray, starts: tuple, start_sd: np.ndarray):
         self.simulator, self.windows = simulator, windows
         self.noise = np.broadcast_to(noise, windows.measured.shape)
-        self.offset, self.corrected = np.zeros_like(windows.measured), False
+        self.offset, self.bend = np.zeros_like(windows.measured), None
         self.starts = starts
         given = (windows.first == 0)[:, None] & np.isfinite(start_sd)
         self.start_weight = np.where(given, 1 / np.where(start_sd > 0, start_sd, 1.0), WEAK)
@@ -138,9 +141,9 @@ class Problem:
         nv, columns = self.simulator.base.nv, []
         for i in range(2 * nv):
             delta = np.zeros((len(base), 2 * nv))
-            delta[:, i] = SECANT * 0.1
+            delta[:, i] = NUDGE
             moved = shift(self.simulator.base, point.qpos, point.qvel, delta)
-            columns.append((self.predict(point.hypothesis, *moved) - base) / (SECANT * 0.1))
+            columns.append((self.predict(point.hypothesis, *moved) - base) / NUDGE)
         prior = self.start_weight[:, :, None] * np.eye(2 * nv)
         return np.linalg.qr(np.concatenate([np.stack(columns, 2), prior], 1))
 

@@ -11,6 +11,7 @@ from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.name import Explanation, explain, sizes_of, weigh
 from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.recordings import Recording, Run
 
@@ -24,7 +25,8 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     longer = replace(recording, runs=(*recording.runs, *(replace(run, held_out=False) for run in added)))
     made = bench(longer)
     naive = base_fit(made, coordinates(made.training.simulator), Hypothesis(made.training.simulator.theta))
-    return weigh([_refitted(made, naive, member) for member in members])
+    found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
+    return weigh(*found, [_refitted(made, naive, member) for member in members])
 
 
 def _refitted(made: Bench, naive, member: dict[str, dict]) -> Explanation:

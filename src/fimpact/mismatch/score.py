@@ -15,8 +15,8 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis
 
-SAME = 0.9999  # cosine with a fitted parameter's own sensitivity above which a candidate is that parameter
-INVISIBLE = 1e-3  # standard deviations: a probe that changes less, all samples together, is not a candidate
+DEEP, SMALLER = 0.999, 1e-3  # concealment beyond which a probe is repeated at this share of its size
+INVISIBLE = 1e-3  # standard deviations: a probe that shows less, all samples together, is not a candidate
 
 
 @dataclass(frozen=True)
@@ -83,31 +83,36 @@ def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed], progress: Cal
     """Score of every proposal at the fitted point; those that change nothing there are left out."""
     point = fitted.point
     base = problem.predict(point.hypothesis, point.qpos, point.qvel)
+
+    def tangent(placed, share):
+        added = Hypothesis(point.hypothesis.theta, (*point.hypothesis.placed, _times(placed, share)))
+        change = (problem.predict(added, point.qpos, point.qvel) - base) / share
+        return problem.extend(change[..., None])[..., 0]
+
     found = []
     for placed in tried:
-        added = Hypothesis(point.hypothesis.theta, (*point.hypothesis.placed, placed))
-        change = problem.predict(added, point.qpos, point.qvel) - base
-        if np.isfinite(change).all() and not _fitted_already(change, fitted):
-            found.append(score(problem, fitted, placed, problem.extend(change[..., None])[..., 0]))
+        change = tangent(placed, 1.0)
+        if np.isfinite(change).all():
+            candidate = score(problem, fitted, placed, change)
+            if placed.effect.linear and candidate.concealment > DEEP:
+                # So little is left that what is nonlinear in a probe of ordinary size would outweigh it.
+                candidate = score(problem, fitted, placed, tangent(placed, SMALLER))
+            found.append(candidate)
         if progress:
             progress(placed)
     return [candidate for candidate in found if candidate.information > INVISIBLE**2]
+
+
+def _times(placed: Placed, share: float) -> Placed:
+    """The effect with its amplitudes multiplied."""
+    shapes = {c.name for c in placed.effect.coefficients if c.shape}
+    return replace(placed, values={k: v if k in shapes else v * share for k, v in placed.values.items()})
 
 
 def rescore(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
     """The same probes beside another fit, their sensitivities taken as they were."""
     again = [score(problem, fitted, c.placed, c.change) for c in candidates]
     return [c for c in again if c.information > INVISIBLE**2]
-
-
-def _fitted_already(change: np.ndarray, fitted: Fit) -> bool:
-    """Whether the probe changes nothing, or only what one of the fitted parameters changes, that parameter itself."""
-    size = np.sqrt((change**2).sum())
-    if size < INVISIBLE:
-        return True
-    columns = fitted.linear.raw[:, : change.shape[1]]
-    along = np.einsum("wma,wm->a", columns, change) / np.sqrt((columns**2).sum((0, 1)) + 1e-300) / size
-    return bool(np.abs(along).max(initial=0.0) > SAME)
 
 
 def score(problem: Problem, fitted: Fit, placed: Placed, change: np.ndarray) -> Candidate:
@@ -125,7 +130,7 @@ def score(problem: Problem, fitted: Fit, placed: Placed, change: np.ndarray) -> 
         shares,
         float(max(left, 0.0)),
         float(shares.sum() / left) if left > 0 else 0.0,
-        float(1 - left / all_),
+        float(1 - left / all_) if all_ > 0 else 1.0,
         float(1 - left / before) if before > 0 else 1.0,
         change,
         column,

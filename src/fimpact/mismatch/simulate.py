@@ -111,7 +111,7 @@ class Simulator:
         signal = self._signal(windows, windows.length * self.substeps)
         ctrl = self._commands(hypothesis, windows, signal)
         force = np.zeros((1, ctrl.shape[1], model.nv)) if push is None else np.repeat(push, self.substeps, 1)
-        laws = [placed for placed in hypothesis.placed if placed.effect.enters == "force"]
+        laws = [placed for placed in hypothesis.placed if placed.effect.enters in ("force", "friction")]
         run = self._lockstep if laws else self._rollout
         sensed = run(model, signal, ctrl, np.broadcast_to(force, (len(ctrl), *force.shape[1:])), qpos, qvel, laws)
         measured = sensed[:, :: self.substeps, self.columns]
@@ -134,9 +134,12 @@ class Simulator:
         return self._engine.rollout(model, self.data, self._pack(qpos, qvel), control, control_spec=CONTROL)[1]
 
     def _lockstep(self, model, signal, ctrl, force, qpos, qvel, laws):
-        state = self._pack(qpos, qvel)
-        memory, sensed, before = {}, [], state
-        for k in range(ctrl.shape[1]):
+        state, memory = self._pack(qpos, qvel), {}
+        before, after, (w, steps) = state, np.empty((len(state), 1, state.shape[1])), ctrl.shape[:2]
+        sensed = np.empty((steps, w, 1, model.nsensordata))
+        # Friction that changes is a field of the model, and a model for each window.
+        models = [copy.copy(model) for _ in range(w)] if any(p.effect.enters == "friction" for p in laws) else [model] * w
+        for k in range(steps):
             # Half a step ahead, so that holding the force over the step is accurate to second order.
             ahead = state + (state - before) / 2
             seen = State(
@@ -148,12 +151,17 @@ class Simulator:
                 model.opt.timestep,
                 memory,
             )
-            pull = force[:, k] + sum(law.effect.law(seen, law.site, **law.values) for law in laws)
+            pull = force[:, k].copy()
+            limits = np.tile(model.dof_frictionloss, (w, 1))
+            for law in laws:
+                _act(law, seen, pull, limits)
+            for own, row in zip(models, limits, strict=True) if models[0] is not model else ():
+                own.dof_frictionloss[:] = row
             control = np.concatenate([ctrl[:, k], pull], 1)[:, None]
-            after, sensor = self._engine.rollout(model, self.data, state, control, control_spec=CONTROL)
-            before, state = state, after[:, -1]
-            sensed.append(sensor[:, 0])
-        return np.stack(sensed, 1)
+            sizes = {"nstep": 1, "control_spec": CONTROL, "skip_checks": True}
+            self._engine.rollout(models, [self.data], state, control, state=after, sensordata=sensed[k], **sizes)
+            before, state = state, after[:, 0].copy()
+        return sensed[:, :, 0].transpose(1, 0, 2)
 
     def _pack(self, qpos, qvel) -> np.ndarray:
         rest = np.zeros((len(qpos), self.base.na))
@@ -172,7 +180,8 @@ class Simulator:
         joints = tuple(_joint_of(model, name) for name in self.recording.channels)
         driven = tuple(_driver(model, joint) for joint in joints)
         actuators = tuple(model.actuator(i).name for i in range(model.nu))
-        return Signal(time, ctrl, self.recording.channels, actuators, ctrl * gear, joints, driven)
+        rotor = tuple(float(model.joint(name).armature[0]) if name else 0.0 for name in joints)
+        return Signal(time, ctrl, self.recording.channels, actuators, ctrl * gear, joints, driven, rotor)
 
     def _commands(self, hypothesis: Hypothesis, windows: Windows, signal: Signal) -> np.ndarray:
         laws = [placed for placed in hypothesis.placed if placed.effect.enters == "command"]
@@ -185,6 +194,18 @@ class Simulator:
             ctrl = placed.effect.law(ctrl, self.describe(time, ctrl), placed.site, **placed.values)
         steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
         return ctrl[windows.runs[:, None], steps]
+
+
+def _act(law: Placed, seen: State, pull: np.ndarray, limits: np.ndarray) -> None:
+    """Add what `law` does to the forces and to the largest dry friction, (w, nv) each."""
+    acts = law.effect.law(seen, law.site, **law.values)
+    if law.effect.enters == "force":
+        pull += acts
+        return
+    dof, (forward, backward) = seen.model.joint(law.site).dofadr[0], acts
+    # Unequal limits are equal ones beside a constant force.
+    limits[:, dof] += (forward + backward) / 2
+    pull[:, dof] += (backward - forward) / 2
 
 
 def _sensor_column(model: mujoco.MjModel, channel: str) -> int:
