@@ -23,7 +23,7 @@ def diagnosed(*placed: Placed) -> Diagnosis:
     kept = pulses(problem, naming.naive.fitted)
     steps = [Step([], np.zeros(0), [naming.best] if placed else [])]
     members = [naming.best] if placed else []
-    named = Naming(naming.naive, steps, naming.best, members, 0.01, (0.001, 0.5), naming.covariance, kept)
+    named = Naming(naming.naive, steps, naming.best, members, 0.01, (0.001, 0.5), 1.0, naming.covariance, kept)
     location = locate(problem, naming.naive.fitted, kept)
     verdict = "Missing: dry friction." if placed else "Nothing is missing that these recordings can show."
     return Diagnosis(found.recording, found.bench, named, location, found.evidence, verdict)

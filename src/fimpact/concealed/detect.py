@@ -10,7 +10,7 @@ import numpy as np
 from mujoco import rollout
 
 from fimpact.concealed.motions import Motion
-from fimpact.concealed.rigs import Rig
+from fimpact.concealed.rigs import CLOCK, Rig
 from fimpact.concealed.world import DRIVEN, FULL, new_world
 
 PIECES = 5  # in which a window's disturbance is described
@@ -29,10 +29,12 @@ class Windows:
 
 @dataclass(frozen=True)
 class Tangents:
-    """Whitened sensitivities of the windows, (W, n ny, columns): to starts, unknowns and unit disturbance."""
+    """Whitened sensitivities of the windows, (W, n ny, columns): to starts, unknowns, the clock of each run in units of
+    `CLOCK`, and unit disturbance."""
 
     start: np.ndarray
     unknown: np.ndarray
+    clock: np.ndarray
     push: np.ndarray | None = None
 
 
@@ -85,7 +87,14 @@ def tangents(rig: Rig, errors: np.ndarray, windows: Windows, pushed: bool) -> Ta
         for i, size in enumerate([0.01 * u.sd for u in rig.unknowns])
     ]
     push = _pulses(rig, model, windows, base) if pushed else None
-    return Tangents(np.stack(start, axis=2), np.stack(unknown, axis=2), push)
+    return Tangents(np.stack(start, axis=2), np.stack(unknown, axis=2), _clocks(rig, windows, base), push)
+
+
+def _clocks(rig: Rig, windows: Windows, base: np.ndarray) -> np.ndarray:
+    """What a clock that is `CLOCK` late changes, (W, n ny, runs)."""
+    rows = base.reshape(len(base), -1, len(rig.channels))
+    late = -np.gradient(rows, rig.period, axis=1).reshape(base.shape) * CLOCK
+    return late[:, :, None] * (windows.row[:, None, None] == np.unique(windows.row))
 
 
 def _pulses(rig, model, windows, base):
@@ -149,12 +158,12 @@ def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> S
     The unknowns are projected off within their priors, the starts of the windows as far as they are unknown.
     """
     white = _whitener(noise)
-    traces, unknown, start = (white(a) for a in (traces, tangent.unknown, tangent.start))
+    traces, unknown, start = (white(a) for a in (traces, _unknown(tangent), tangent.start))
     both = np.concatenate([traces, unknown], axis=2)
     cross = _t(start) @ both
     gram = np.sum(_t(both) @ both - _t(cross) @ np.linalg.solve(_start_information(rig, start), cross), axis=0)
     k = traces.shape[2]
-    prior = np.diag([u.sd**-2.0 for u in rig.unknowns])
+    prior = _prior(rig, tangent)
     absorbed = gram[:k, k:] @ np.linalg.solve(gram[k:, k:] + prior, gram[k:, :k])
     return Seen(gram[:k, :k] - absorbed, np.sum(traces**2, axis=(0, 1)), np.diag(gram)[:k])
 
@@ -162,13 +171,22 @@ def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> S
 def absorb(rig: Rig, tangent: Tangents, noise: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The errors of the unknowns, (p,), and of the starts, (W, 2 nv), that imitate the trace `change` (W, n ny, 1) best."""
     white = _whitener(noise)
-    change, unknown, start = (white(a) for a in (change, tangent.unknown, tangent.start))
+    change, unknown, start = (white(a) for a in (change, _unknown(tangent), tangent.start))
     information = _start_information(rig, start)
     cross, along = _t(start) @ unknown, _t(start) @ change
     gram = np.sum(_t(unknown) @ unknown - _t(cross) @ np.linalg.solve(information, cross), axis=0)
     seen = np.sum(_t(unknown) @ change - _t(cross) @ np.linalg.solve(information, along), axis=0)
-    errors = np.linalg.solve(gram + np.diag([u.sd**-2.0 for u in rig.unknowns]), seen)[:, 0]
-    return errors, np.linalg.solve(information, along - (cross @ errors)[:, :, None])[:, :, 0]
+    errors = np.linalg.solve(gram + _prior(rig, tangent), seen)[:, 0]
+    moved = np.linalg.solve(information, along - (cross @ errors)[:, :, None])[:, :, 0]
+    return errors[: len(rig.unknowns)], moved
+
+
+def _unknown(tangent: Tangents) -> np.ndarray:
+    return np.concatenate([tangent.unknown, tangent.clock], axis=2)
+
+
+def _prior(rig: Rig, tangent: Tangents) -> np.ndarray:
+    return np.diag([*(u.sd**-2.0 for u in rig.unknowns), *np.ones(tangent.clock.shape[2])])
 
 
 def _t(array):

@@ -6,10 +6,10 @@ import numpy as np
 
 from fimpact.concealed.motions import Motion, draw_motion
 from fimpact.concealed.plants import PLANTS
-from fimpact.concealed.rigs import RIGS, Rig, rig_of
+from fimpact.concealed.rigs import CLOCK, RIGS, Rig, rig_of
 from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, seen, set_stage
 from fimpact.concealed.strangers import STRANGERS, known
-from fimpact.concealed.truth import CLOCK, Planted, Truth, clean, measure, slips
+from fimpact.concealed.truth import Planted, Truth, clean, measure, slips
 from fimpact.concealed.twins import TWINS
 from fimpact.recordings import Recording, Run
 

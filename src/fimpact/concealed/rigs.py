@@ -9,6 +9,8 @@ import numpy as np
 
 from fimpact.recordings import Unknown
 
+CLOCK = 5e-5  # s, how late the clock of a run can be against that of its commands
+
 
 @dataclass(frozen=True)
 class Rig:
@@ -76,7 +78,7 @@ ARM = Rig(
     name="arm_free",
     period=0.005,
     fine=20,
-    coarse=2,
+    coarse=1,
     channels=ENCODERS,
     noise=np.full(3, 2e-3),
     quantum=np.full(3, 2 * np.pi / 2**13),
@@ -97,7 +99,7 @@ PRESSING = replace(
     duration=1.6,
     training=7,
     held_out=3,
-    coarse=4,
+    coarse=2,
     channels=(*ENCODERS, "wrist_force[0]", "wrist_force[1]"),
     noise=np.array([2e-3, 2e-3, 2e-3, 0.4, 0.4]),
     quantum=np.array([*ARM.quantum, 0.1, 0.1]),
@@ -106,7 +108,7 @@ BLOCK = Rig(
     name="block",
     period=0.0025,
     fine=40,
-    coarse=4,
+    coarse=2,
     channels=("camera_x", "camera_z", "camera_pitch", "imu[0]", "imu[2]"),
     noise=np.array([1e-3, 1e-3, 5e-3, 2.0, 2.0]),
     quantum=np.array([2e-4, 2e-4, 1e-3, 0.05, 0.05]),

@@ -11,7 +11,7 @@ from fimpact.concealed.rigs import Rig
 from fimpact.concealed.strangers import plant
 from fimpact.concealed.world import new_world, play
 
-DEEP, MOVES = 0.9, 6  # concealment beyond which the unknowns are truly moved to imitate an effect, and how often
+MOVES, STILL = 6, 0.01  # how often the unknowns are moved to imitate an effect, or until its non-centrality stands still
 CLOSE, NEAR = 0.08, 0.2  # in log lambda: of the search, and of what is accepted after its tangents are renewed
 
 
@@ -76,9 +76,7 @@ def trace(stage: Stage, name: str, site: str, size: float, values: Values) -> Tr
 def _imitated(stage: Stage, windows, change, tangent: Tangents):
     """`change` as it shows beside the best imitation by unknowns and starts: what is nonlinear in a large change of
     theirs must not pass for what they cannot imitate."""
-    rig, concealment = stage.rig, see(stage.rig, tangent, stage.noise, change).concealment[1]
-    if concealment[0] < DEEP:
-        return change
+    rig, size = stage.rig, np.inf
     shown = change[:, :, 0] + predict(rig, models(rig, stage.errors), windows.start, windows.ctrl)
     for _ in range(MOVES):
         unknown, start = absorb(rig, tangent, stage.noise, change)
@@ -86,7 +84,10 @@ def _imitated(stage: Stage, windows, change, tangent: Tangents):
         linear = tangent.unknown @ unknown + np.einsum("wmx,wx->wm", tangent.start, start)
         if not np.isfinite(moved).all():
             break
-        change = (shown - moved + linear)[:, :, None]
+        change, last = (shown - moved + linear)[:, :, None], size
+        size = float(see(rig, tangent, stage.noise, change).size[0])
+        if abs(size - last) < STILL * last:
+            break
     return change
 
 

@@ -7,12 +7,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from fimpact.concealed.planting import Values
-from fimpact.concealed.rigs import Rig, rig_of
+from fimpact.concealed.rigs import CLOCK, Rig, rig_of
 from fimpact.concealed.strangers import plant
 from fimpact.concealed.world import Played, World, new_world, play
 from fimpact.recordings import Run
 
-CLOCK = 5e-5  # s, largest offset of a run's clock: a fifth of what would be found and named as a delay
 SLIP = np.array([0.005, 0.02])  # how far an arm starts from where it should, rad and rad/s
 
 

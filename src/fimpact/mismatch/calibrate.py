@@ -55,8 +55,11 @@ def adjusted(
     return _p(np.where(two_sided, np.abs(t), t), largest)
 
 
-def adjusted_groups(groups: list[np.ndarray], residual: np.ndarray, behind: Background, seed: int = 0) -> np.ndarray:
-    """p of each group of projected sensitivities, (m, c) each, tested together against `residual`, (m,)."""
+def adjusted_groups(
+    groups: list[np.ndarray], residual: np.ndarray, behind: Background, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """p of each group of projected sensitivities, (m, c) each, tested together against `residual`, (m,), and the energy
+    that each explains beyond what it would of noise."""
     bases = [np.linalg.svd(group, full_matrices=False)[0] for group in groups]
     size = np.array([basis.shape[1] for basis in bases])
     energy = np.array([((residual @ basis) ** 2).sum() for basis in bases])
@@ -64,7 +67,7 @@ def adjusted_groups(groups: list[np.ndarray], residual: np.ndarray, behind: Back
     drawn = _joint_draws(np.concatenate(bases, 1), seed) ** 2
     edges = np.append(0, np.cumsum(size))
     sums = np.stack([drawn[:, a:b].sum(1) for a, b in pairwise(edges)], 1)
-    return _p(_root(observed, size), _root(sums, size).max(1))
+    return _p(_root(observed, size), _root(sums, size).max(1)), np.maximum(energy - size, 0.0)
 
 
 def _root(squares: np.ndarray, size: np.ndarray) -> np.ndarray:

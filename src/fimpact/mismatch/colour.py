@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.problem import Linear, Problem
+from fimpact.mismatch.problem import Linear
 from fimpact.mismatch.pulses import BINS, Pulses
 
 CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its commands
@@ -36,10 +36,12 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Colour:
-    """Orthonormal directions (w, m, c) in which the residual of each window is louder than noise by sd `louder`, (w, c)."""
+    """Orthonormal directions (w, m, c) in which the residual of each window is louder than noise by sd `louder`, (w, c),
+    and what a late clock of each run does to it, (w, m, runs)."""
 
     directions: np.ndarray
     louder: np.ndarray
+    clocks: np.ndarray
 
     def white(self, columns: np.ndarray) -> np.ndarray:
         """`columns`, (w, m, k), in units in which the residual is white."""
@@ -47,10 +49,15 @@ class Colour:
         return columns - self.directions @ (along * (1 - 1 / self.louder)[:, :, None])
 
     def apply(self, linear: Linear) -> Linear:
-        """`linear`, which knows no colour, in those units."""
+        """`linear`, which knows no colour, in those units, the clocks after its own columns."""
+        raw = np.concatenate([linear.raw, self.clocks], 2)
         basis, triangle = np.linalg.qr(self.white(linear.basis @ linear.triangle))
-        new = Linear(basis, triangle, linear.raw, linear.raw, self)
-        return replace(new, projected=new.off(linear.raw))
+        new = Linear(basis, triangle, raw, raw, self)
+        return replace(new, projected=new.off(raw))
+
+    def with_clocks(self, own: np.ndarray, clock: float) -> np.ndarray:
+        """A value of each coordinate, (k,), and `clock` for each clock."""
+        return np.append(own, np.full(self.clocks.shape[2], clock))
 
 
 def disturbance(fitted: Fit, found: Pulses) -> Disturbance:
@@ -76,46 +83,37 @@ def disturbance(fitted: Fit, found: Pulses) -> Disturbance:
 def colour(found: Pulses, pushing: Disturbance) -> Colour:
     """What `pushing` makes of the noise in the windows of `found`."""
     directions, size, _ = np.linalg.svd(found.columns @ pushing.root(), full_matrices=False)
-    return Colour(directions, np.sqrt(1 + size**2))
+    return Colour(directions, np.sqrt(1 + size**2), found.clocks)
 
 
-def coloured(problem: Problem, fitted: Fit, found: Pulses) -> Fit:
+def coloured(fitted: Fit, found: Pulses) -> Fit:
     """`fitted` with its problem in units in which disturbances are white noise, and with a clock of its own for each
     run as further coordinates."""
-    plain = replace(fitted.linear, raw=np.concatenate([fitted.linear.raw, _clocks(problem, fitted)], 2))
-    noisy = colour(found, disturbance(fitted, found)).apply(plain)
-    runs = plain.raw.shape[2] - len(fitted.pull)
-    prior = np.append(fitted.coordinates.sd, np.full(runs, CLOCK))
-    precision = np.einsum("wma,wmb->ab", noisy.projected, noisy.projected) + np.diag(prior**-2.0)
-    scale = np.append(fitted.scale, np.full(runs, CLOCK))
-    return replace(fitted, linear=noisy, precision=precision, scale=scale, pull=np.append(fitted.pull, np.zeros(runs)))
+    shade = colour(found, disturbance(fitted, found))
+    linear, prior = shade.apply(fitted.linear), shade.with_clocks(fitted.coordinates.sd, CLOCK)
+    precision = np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(prior**-2.0)
+    scale, pull = shade.with_clocks(fitted.scale, CLOCK), shade.with_clocks(fitted.pull, 0.0)
+    return replace(fitted, linear=linear, precision=precision, scale=scale, pull=pull)
 
 
 def generalised(fitted: Fit, shade: Colour) -> np.ndarray:
     """Squares of each window, (w,), at the generalised least-squares optimum one linear step from `fitted`."""
     linear, free = shade.apply(fitted.linear), fitted.coordinates
-    left, z, bent = linear.off(fitted.point.residual), free.read(fitted.point.hypothesis), fitted.pull
-    slope = np.einsum("wma,wm->a", linear.projected, left) - bent
-    open_ = ~(((z <= free.low) & (slope < 0)) | ((z >= free.high) & (slope > 0)))
-    scale = free.scale * open_
-    hessian = np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(free.sd**-2.0)
-    scaled = hessian * np.outer(scale, scale)
-    step = scale * np.linalg.lstsq(scaled, slope * scale, rcond=1e-12)[0] if len(z) else z
-    step = np.clip(z + step, free.low, free.high) - z
+    low, high = shade.with_clocks(free.low, -np.inf), shade.with_clocks(free.high, np.inf)
+    prior, scale = shade.with_clocks(free.sd, CLOCK), shade.with_clocks(free.scale, CLOCK)
+    z = shade.with_clocks(free.read(fitted.point.hypothesis), 0.0)
+    left = linear.off(fitted.point.residual)
+    slope = np.einsum("wma,wm->a", linear.projected, left) - shade.with_clocks(fitted.pull, 0.0)
+    scale = scale * ~(((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0)))
+    hessian = np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(prior**-2.0)
+    step = scale * np.linalg.lstsq(hessian * np.outer(scale, scale), slope * scale, rcond=1e-12)[0]
+    step = np.clip(z + step, low, high) - z
     return ((left - linear.projected @ step) ** 2).sum(1)
 
 
 def covariance(fitted: Fit, found: Pulses, pushing: Disturbance) -> np.ndarray:
-    """Of the coordinates of a least-squares fit under such a disturbance, (k, k): White's sandwich."""
+    """Of the coordinates of a least-squares fit under such a disturbance and late clocks, (k, k): White's sandwich."""
     own, slopes = fitted.covariance, fitted.linear.projected
     shown = pushing.root().T @ np.einsum("wmb,wma->wba", found.columns, slopes)
-    return own + own @ np.einsum("wba,wbc->ac", shown, shown) @ own
-
-
-def _clocks(problem: Problem, fitted: Fit) -> np.ndarray:
-    """Change of the prediction by a clock that is one period late, for each run, (w, m, runs)."""
-    point, windows = fitted.point, problem.windows
-    predicted = problem.simulator.predict(point.hypothesis, windows, point.qpos, point.qvel)
-    late = problem.whiten(-np.gradient(predicted, axis=1))
-    own = windows.runs[:, None] == np.unique(windows.runs)
-    return problem.extend(late[:, :, None] * own[:, None, :])
+    late = CLOCK * np.einsum("wmr,wma->ra", found.clocks, slopes)
+    return own + own @ (np.einsum("wba,wbc->ac", shown, shown) + late.T @ late) @ own

@@ -104,6 +104,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "left": naming.left,
         "nameless": naming.nameless,
         "widened": naming.widened,
+        "dispersion": naming.dispersion,
         "location": {
             "sentence": location.sentence,
             "places": [asdict(place) for place in location.places],

@@ -20,13 +20,15 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import Candidate, proposals, rescore, score, screen, two_sided
 from fimpact.mismatch.simulate import Hypothesis
 
-ALARM = 0.04  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
+ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
 REFITS = 6  # candidates that are truly refitted in each step
-RIVAL = 0.6  # share of the best candidate's predicted gain below which a candidate is not refitted
+RIVAL, CLEAR = 0.4, 10.0  # share of the best candidate's predicted gain, and what comes on top, below which none is refitted
+SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 TRACE = 0.02  # share of what there was to explain that is not worth a further effect
-MEMBERS = 1 / 50  # weight, relative to the best, above which an explanation cannot be told from it
+MEMBERS, WORDY = 1 / 50, 1 / 5  # weight, relative to the best, above which an explanation cannot be told from it
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
-CERTAIN = 0.01  # family-wise p at which a force without a name is there beside the best named answer
+WILD = 2.5  # dispersion that no disturbance has which is alike in all windows
+CERTAIN = 0.02  # family-wise p at which a force without a name is there beside the best named answer
 SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
 LARGEST = 3  # effects that are added, at most
 
@@ -74,9 +76,10 @@ class Step:
 class Naming:
     """The naive explanation, the steps, and the answer: `best` and the rivals that cannot be told from it.
 
-    left: share of the explainable mismatch that `best` leaves. nameless: family-wise p of forces without a name, as
-    curves over position, speed and time, beside the naive model and beside `best`. covariance: of the coordinates of
-    `best`, disturbances counted. pulses: the sensitivities behind `nameless`.
+    nameless: family-wise p of forces without a name (`curves`) beside the naive model and beside `best`. left: what the
+    strongest of them explains beside `best`, as a share of that and of what `best` explains. dispersion: of the
+    windows' squares under `best`, 1: noise among disturbances. covariance: of the coordinates of `best`, disturbances
+    counted. pulses: the sensitivities behind `nameless`.
     """
 
     naive: Explanation
@@ -85,6 +88,7 @@ class Naming:
     members: list[Explanation]
     left: float
     nameless: tuple[float, float]
+    dispersion: float
     covariance: np.ndarray
     pulses: Pulses
 
@@ -101,10 +105,10 @@ class Naming:
 
     @property
     def answer(self) -> str:
-        """The best name, "none", or "unnamed" where the best leaves too much of what can be explained."""
-        if self.left > UNNAMED and self.nameless[1] <= CERTAIN:
-            return "unnamed"
-        return self.best.name
+        """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance."""
+        forced = self.nameless[1] <= CERTAIN and self.left > UNNAMED
+        wild = self.dispersion > WILD and not self.best.placed
+        return "unnamed" if forced or wild else self.best.name
 
     @property
     def answer_set(self) -> list[str]:
@@ -128,7 +132,7 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
     search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), *found, progress)
     best, rivals, steps = naive, [], []
     while len(best.placed) < LARGEST:
-        steps.append(_step(search, best, TRACE * _excess(naive) if best.placed else 0.0))
+        steps.append(_step(search, best, TRACE * _explained(found[0], naive.fitted, best.fitted)))
         if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
             break
         rivals = steps[-1].rivals
@@ -151,17 +155,18 @@ class Search:
     progress: Callable[[str], None]
 
 
-def _excess(naive: Explanation) -> float:
-    """Training squares of the naive model beyond those of noise, at least 0."""
-    return max(float(squares(naive.fitted).sum() - (naive.fitted.point.residual != 0).sum()), 0.0)
+def _explained(found: Pulses, naive: Fit, current: Fit) -> float:
+    """Generalised squares by which `current` fits training windows better than `naive`."""
+    shade = colour(found, disturbance(current, found))
+    return float(generalised(naive, shade).sum() - generalised(current, shade).sum())
 
 
-def _step(search: Search, current: Explanation, least: float = 0.0) -> Step:
-    """Screen, and refit what is significant and predicted to gain more than `least`."""
+def _step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS) -> Step:
+    """Screen, and refit what is significant and predicted to gain more than `least`, the best `refits` of it."""
     bench, progress = search.bench, search.progress
     known = {p.name for p in current.placed}
     others = [c for c in search.candidates if c.placed.name not in known]
-    fitted = coloured(bench.training, current.fitted, search.pulses)
+    fitted = coloured(current.fitted, search.pulses)
     screened = sorted(rescore(bench.training, fitted, others), key=lambda c: -c.gain)
     if not screened:
         return Step([], np.zeros(0), [])
@@ -170,7 +175,7 @@ def _step(search: Search, current: Explanation, least: float = 0.0) -> Step:
     if step.least > ALARM or screened[0].gain < least:
         return step
     rivals = []
-    for candidate in shortlist(screened):
+    for candidate in shortlist(screened)[:refits]:
         progress(f"refitting with {candidate.placed.name}")
         rivals.append(refit(bench, current, candidate))
     rivals = [r for r in rivals if np.isfinite(r.deviance)]
@@ -182,8 +187,10 @@ def shortlist(screened: list[Candidate]) -> list[Candidate]:
     best: dict[str, Candidate] = {}
     for candidate in screened:
         best.setdefault(candidate.placed.name, candidate)
-    ranked = [c for c in best.values() if c.gain > 0]
-    return [c for c in ranked[:REFITS] if c.gain >= RIVAL * ranked[0].gain]
+    ranked = [c for c in best.values() if c.gain > 0][:REFITS]
+    # The larger an effect, the less can be said of it from one step.
+    least = RIVAL * ranked[0].gain + min(RIVAL * ranked[0].gain / 2, CLEAR) if ranked else 0.0
+    return [c for c in ranked if c.gain >= least]
 
 
 def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:
@@ -220,7 +227,7 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
         reduced = without(search.bench, rivals[0], rest)
         if weigh(search.pulses, search.held_out, [reduced, rivals[0]])[0].placed == reduced.placed:
             return [replace(reduced, weight=1.0)]
-        found = _step(search, reduced).rivals
+        found = _step(search, reduced, refits=SWAPS).rivals
         known = {r.name for r in rivals}
         rivals = weigh(search.pulses, search.held_out, rivals + [r for r in found if r.name not in known])
     return rivals
@@ -299,7 +306,7 @@ def _worthwhile(search: Search, naive: Explanation, current: Explanation, step: 
     shade = colour(search.held_out, disturbance(best.fitted, search.pulses))
     before, now, then = (generalised(e.judged, shade).sum() for e in (naive, current, best))
     if current.placed:
-        return bool(now - then > max(TRACE * (before - freedom(search.bench.held_out)), 0.0))
+        return bool(now - then > max(TRACE * (before - now), 0.0))
     return bool(now - then > (-CHANCE if step.least <= SURE else 0.0))
 
 
@@ -307,19 +314,17 @@ def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explana
     bench, found = search.bench, search.pulses
     pushing = disturbance(best.fitted, found)
     shades = colour(found, pushing), colour(search.held_out, pushing)
-    free = freedom(bench.training, len(best.fitted.coordinates.scale)) + freedom(bench.held_out)
-    sums = (sum(generalised(f, s).sum() for f, s in zip(_parts(e), shades, strict=True)) for e in (naive, best))
-    before, after = (total - free for total in sums)
-    left = float(np.clip(after / before, 0.0, 1.0)) if before > 0 else 0.0
-    rivals = [r for r in others if r.weight >= MEMBERS * best.weight and not _generalises(r, best)]
+    spread = dispersion(best, [generalised(f, s) for f, s in zip(_parts(best), shades, strict=True)])
+    rivals = [r for r in others if r.weight >= (WORDY if _generalises(r, best) else MEMBERS) * best.weight]
     members = [best, *rivals] if best.placed else []
-    p = tuple(nameless(bench, e.fitted, found) for e in (naive, best))
-    spread = best.dispersion * covariance(best.fitted, found, pushing)
-    return Naming(naive, steps, best, members, left, p, spread, found)
+    (before, _), (after, more) = (nameless(bench, e.fitted, found) for e in (naive, best))
+    left = more / max(more + _explained(found, naive.fitted, best.fitted), 1e-9)
+    wide = spread * covariance(best.fitted, found, pushing)
+    return Naming(naive, steps, best, members, left, (before, after), spread, wide, found)
 
 
 def _generalises(rival: Explanation, best: Explanation) -> bool:
-    """Whether `rival` says what `best` says, with more coefficients: no other explanation, only a wordier one."""
+    """Whether `rival` says what `best` says, with more coefficients: chance alone lets it fit somewhat better."""
     special = {(p.effect.name, p.site) for p in best.placed}
     covered = {(name, p.site) for p in rival.placed for name in (p.effect.name, *p.effect.contains)}
     return special <= covered
@@ -332,13 +337,15 @@ def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarra
     return adjusted(np.array([c.z for c in screened]), columns, sides, background(fitted, found))
 
 
-def nameless(bench: Bench, fitted: Fit, found: Pulses) -> float:
-    """Family-wise p of a force without a name, any curve over position, speed or time, beside what is fitted."""
-    fitted, groups = coloured(bench.training, fitted, found), {}
+def nameless(bench: Bench, fitted: Fit, found: Pulses) -> tuple[float, float]:
+    """Family-wise p of a force without a name, any of the `curves`, beside what is fitted, and its predicted gain."""
+    fitted, groups = coloured(fitted, found), {}
     for dof, regressor, curve in curves(found):
         candidate = score(bench.training, fitted, NAMELESS, found.along(dof, curve))
         if candidate.information > 0:
             groups.setdefault((dof, regressor), []).append(candidate.column.ravel())
     stacked = [np.stack(group, 1) for group in groups.values()]
-    p = adjusted_groups(stacked, fitted.linear.off(fitted.point.residual).ravel(), background(fitted, found))
-    return float(p.min(initial=1.0))
+    if not stacked:
+        return 1.0, 0.0
+    p, gain = adjusted_groups(stacked, fitted.linear.off(fitted.point.residual).ravel(), background(fitted, found))
+    return float(p.min()), float(gain[np.argmin(p)])

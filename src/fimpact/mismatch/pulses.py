@@ -24,15 +24,18 @@ IMPACT = 0.03  # s after contact begins
 @dataclass(frozen=True)
 class Pulses:
     """Sensitivities, (w, m, nv * BINS), to a unit force on each degree of freedom (named `dofs`) in each bin, and at
-    the middle of each bin: time (w, BINS) s since the start of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), and the
-    contact mode (w, BINS): "free", "impact" or "contact"."""
+    the middle of each bin: time (w, BINS) s since the start of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), ctrl
+    (w, BINS, nu), and the contact mode (w, BINS): "free", "impact" or "contact". clocks (w, m, runs): sensitivity to a
+    clock that is one sampling period late, for each run."""
 
     columns: np.ndarray
     dofs: tuple[str, ...]
     time: np.ndarray
     qpos: np.ndarray
     qvel: np.ndarray
+    ctrl: np.ndarray
     mode: np.ndarray
+    clocks: np.ndarray
 
     def along(self, dof: int, curve: np.ndarray) -> np.ndarray:
         """Sensitivity, (w, m), to the force `curve`, (w, BINS), on one degree of freedom."""
@@ -51,7 +54,16 @@ def pulses(problem: Problem, fitted: Fit) -> Pulses:
             push[0, first:last, dof] = size[dof]
             change = problem.predict(point.hypothesis, point.qpos, point.qvel, push) - base
             columns.append(np.nan_to_num(change) / size[dof])
-    return Pulses(problem.extend(np.stack(columns, 2)), dof_names(problem.simulator.base), *_meanwhile(problem, fitted))
+    forces, names = problem.extend(np.stack(columns, 2)), dof_names(problem.simulator.base)
+    return Pulses(forces, names, *_meanwhile(problem, fitted), _clocks(problem, fitted))
+
+
+def _clocks(problem: Problem, fitted: Fit) -> np.ndarray:
+    point, windows = fitted.point, problem.windows
+    predicted = problem.simulator.predict(point.hypothesis, windows, point.qpos, point.qvel)
+    late = problem.whiten(-np.gradient(predicted, axis=1))
+    own = windows.runs[:, None] == np.unique(windows.runs)
+    return problem.extend(late[:, :, None] * own[:, None, :])
 
 
 def dof_names(model: mujoco.MjModel) -> tuple[str, ...]:
@@ -66,13 +78,17 @@ def dof_names(model: mujoco.MjModel) -> tuple[str, ...]:
 
 def curves(found: Pulses) -> list[tuple[int, str, np.ndarray]]:
     """(degree of freedom, regressor, force (w, BINS)) of smooth bumps over each regressor's range: own position and
-    speed, time, and direction of motion while in contact."""
+    speed, time, friction over position and time, every command, and direction of motion while in contact."""
     out = []
     for dof in range(len(found.dofs)):
-        regressors = {"speed": found.qvel[..., dof], "time": found.time}
+        against = np.sign(found.qvel[..., dof])
+        over = {"time": found.time}
         if found.qpos.shape[2] == found.qvel.shape[2]:
-            regressors["position"] = found.qpos[..., dof]
+            over["position"] = found.qpos[..., dof]
+        regressors = {"speed": found.qvel[..., dof], **over}
         out += [(dof, name, bump) for name, x in regressors.items() for bump in _bumps(x)]
+        out += [(dof, f"friction over {name}", against * bump) for name, x in over.items() for bump in _bumps(x)]
+        out += [(dof, "commands", command) for command in found.ctrl.transpose(2, 0, 1)]
         touching = found.mode != "free"
         if touching.any() and not touching.all():
             out += [(dof, "contact", touching * 1.0), (dof, "contact", touching * np.sign(found.qvel[..., dof]))]
@@ -89,10 +105,12 @@ def _meanwhile(problem: Problem, fitted: Fit) -> tuple:
     simulator, windows, point = problem.simulator, problem.windows, fitted.point
     qpos, qvel = simulator.motion(point.hypothesis, windows, point.qpos, point.qvel)
     middle = ((np.arange(BINS) + 0.5) * qpos.shape[1] / BINS).astype(int)
+    row = windows.first[:, None] + middle // simulator.substeps
+    ctrl = windows.ctrl[windows.runs[:, None], np.minimum(row, windows.ctrl.shape[1] - 1)]
     time = (windows.first[:, None] + middle / simulator.substeps) * simulator.recording.period
     model = simulator.model(point.hypothesis)
     mode = _modes(_touching(model, qpos), round(IMPACT / model.opt.timestep))
-    return time, qpos[:, middle], qvel[:, middle], mode
+    return time, qpos[:, middle], qvel[:, middle], ctrl, mode
 
 
 def _modes(touching: np.ndarray, since: int) -> np.ndarray:
