@@ -30,8 +30,9 @@ class Windows:
 @dataclass(frozen=True)
 class Tangents:
     """Whitened sensitivities of the windows, (W, n ny, columns): to starts, unknowns, the clock of each run in units of
-    `CLOCK`, and unit disturbance."""
+    `CLOCK`, and unit disturbance. opens: whether a window opens its run, where alone the start is known, (W,)."""
 
+    opens: np.ndarray
     start: np.ndarray
     unknown: np.ndarray
     clock: np.ndarray
@@ -87,7 +88,7 @@ def tangents(rig: Rig, errors: np.ndarray, windows: Windows, pushed: bool) -> Ta
         for i, size in enumerate([0.01 * u.sd for u in rig.unknowns])
     ]
     push = _pulses(rig, model, windows, base) if pushed else None
-    return Tangents(np.stack(start, axis=2), np.stack(unknown, axis=2), _clocks(rig, windows, base), push)
+    return Tangents(windows.first == 0, np.stack(start, axis=2), np.stack(unknown, axis=2), _clocks(rig, windows, base), push)
 
 
 def _clocks(rig: Rig, windows: Windows, base: np.ndarray) -> np.ndarray:
@@ -119,9 +120,8 @@ def coloured(rig: Rig, push: np.ndarray, correlation: float) -> np.ndarray:
 
 def loudness(rig: Rig, tangent: Tangents, response: np.ndarray) -> float:
     """By how much unit disturbance raises the mean squared whitened residual after fitting the starts."""
-    left = response - tangent.start @ np.linalg.solve(
-        _start_information(rig, tangent.start), _t(tangent.start) @ response
-    )
+    information = _start_information(rig, tangent, tangent.start)
+    left = response - tangent.start @ np.linalg.solve(information, _t(tangent.start) @ response)
     return float(np.sum(left**2) / (response.shape[0] * response.shape[1]))
 
 
@@ -161,7 +161,7 @@ def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> S
     traces, unknown, start = (white(a) for a in (traces, _unknown(tangent), tangent.start))
     both = np.concatenate([traces, unknown], axis=2)
     cross = _t(start) @ both
-    gram = np.sum(_t(both) @ both - _t(cross) @ np.linalg.solve(_start_information(rig, start), cross), axis=0)
+    gram = np.sum(_t(both) @ both - _t(cross) @ np.linalg.solve(_start_information(rig, tangent, start), cross), axis=0)
     k = traces.shape[2]
     prior = _prior(rig, tangent)
     absorbed = gram[:k, k:] @ np.linalg.solve(gram[k:, k:] + prior, gram[k:, :k])
@@ -172,7 +172,7 @@ def absorb(rig: Rig, tangent: Tangents, noise: np.ndarray, change: np.ndarray) -
     """The errors of the unknowns, (p,), and of the starts, (W, 2 nv), that imitate the trace `change` (W, n ny, 1) best."""
     white = _whitener(noise)
     change, unknown, start = (white(a) for a in (change, _unknown(tangent), tangent.start))
-    information = _start_information(rig, start)
+    information = _start_information(rig, tangent, start)
     cross, along = _t(start) @ unknown, _t(start) @ change
     gram = np.sum(_t(unknown) @ unknown - _t(cross) @ np.linalg.solve(information, cross), axis=0)
     seen = np.sum(_t(unknown) @ change - _t(cross) @ np.linalg.solve(information, along), axis=0)
@@ -193,10 +193,10 @@ def _t(array):
     return array.transpose(0, 2, 1)
 
 
-def _start_information(rig, start):
+def _start_information(rig, tangent, start):
     gram = _t(start) @ start
     ridge = SPREAD * gram.max(axis=(1, 2))[:, None, None] * np.eye(start.shape[2]) * 1e-4
-    return gram + ridge + np.diag(rig.start_sd**-2.0)
+    return gram + ridge + tangent.opens[:, None, None] * np.diag(rig.start_sd**-2.0)
 
 
 def _whitener(noise):

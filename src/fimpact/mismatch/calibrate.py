@@ -10,11 +10,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.stats import chi2, norm
+from scipy.stats import f as fisher
+from scipy.stats import t as student
 
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.pulses import Pulses
 
 DRAWS = 4000
+SMALLEST = -600.0  # log of the smallest tail probability that is told from zero
 USED = 1e-6  # of the largest singular value; below it a force changes nothing
 
 
@@ -49,7 +53,8 @@ def adjusted(
         z: scores in standard deviations of the sensors' noise, (c,). columns: their projected sensitivities, (m, c).
         two_sided: whether a negative score counts as well, (c,).
     """
-    t = z / np.sqrt(behind.scale(z**2))
+    # Student's t where little is left to scale by.
+    t = _as(norm, student(max(behind.freedom - 1, 1)).logsf(np.abs(z) / np.sqrt(behind.scale(z**2)))) * np.sign(z)
     drawn = _joint_draws(columns, seed)
     largest = np.where(two_sided, np.abs(drawn), drawn).max(1)
     return _p(np.where(two_sided, np.abs(t), t), largest)
@@ -63,11 +68,20 @@ def adjusted_groups(
     bases = [np.linalg.svd(group, full_matrices=False)[0] for group in groups]
     size = np.array([basis.shape[1] for basis in bases])
     energy = np.array([((residual @ basis) ** 2).sum() for basis in bases])
-    observed = energy / np.array([behind.scale(e, n) for e, n in zip(energy, size, strict=True)])
+    ratio = energy / size / np.array([behind.scale(e, n) for e, n in zip(energy, size, strict=True)])
+    rest = behind.freedom - size
+    # Fisher's F where little is left to scale by, and no evidence where nothing is.
+    tails = [fisher(n, m).logsf(x) if m > 0 else 0.0 for n, m, x in zip(size, rest, ratio, strict=True)]
+    observed = np.array([_as(chi2(n), tail) for n, tail in zip(size, tails, strict=True)])
     drawn = _joint_draws(np.concatenate(bases, 1), seed) ** 2
     edges = np.append(0, np.cumsum(size))
     sums = np.stack([drawn[:, a:b].sum(1) for a, b in pairwise(edges)], 1)
     return _p(_root(observed, size), _root(sums, size).max(1)), np.maximum(energy - size, 0.0)
+
+
+def _as(distribution, log_tail: np.ndarray | float) -> np.ndarray:
+    """Where `distribution` has the tail probability exp(log_tail)."""
+    return distribution.isf(np.exp(np.maximum(log_tail, SMALLEST)))
 
 
 def _root(squares: np.ndarray, size: np.ndarray) -> np.ndarray:

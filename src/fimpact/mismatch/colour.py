@@ -17,6 +17,7 @@ from fimpact.mismatch.problem import Linear
 from fimpact.mismatch.pulses import BINS, Pulses
 
 CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its commands
+FEW = 8  # windows
 SIZES = (-9.0, 14.0)  # log of the variance, in units of what the sensors show of it
 MEMORIES = (-1.0, 3.5)  # log of the memory, in bins
 
@@ -61,7 +62,8 @@ class Colour:
 
 
 def disturbance(fitted: Fit, found: Pulses) -> Disturbance:
-    """The disturbance under which the residual of `fitted` is most likely."""
+    """The disturbance under which the residual of `fitted` is most likely; none where windows are too few to tell a
+    force that differs from window to window from one that does not."""
     free, left = fitted.linear.off(found.columns), fitted.linear.off(fitted.point.residual)
     gram, along = free.transpose(0, 2, 1) @ free, np.einsum("wmb,wm->wb", free, left)
     seen = gram.diagonal(0, 1, 2).mean(0).reshape(-1, BINS).mean(1)
@@ -76,6 +78,8 @@ def disturbance(fitted: Fit, found: Pulses) -> Disturbance:
         shown = along @ root
         return (np.linalg.slogdet(inner)[1] - (shown * np.linalg.solve(inner, shown[..., None])[..., 0]).sum(1)).sum()
 
+    if len(left) < FEW:
+        return Disturbance(np.zeros(nv), 1.0)
     best = minimize(unlikely, np.append(np.zeros(nv), 1.0), method="L-BFGS-B", bounds=[SIZES] * nv + [MEMORIES])
     return read(best.x)
 

@@ -37,7 +37,7 @@ class Fit:
         scale = self.scale
         scaled = self.precision * np.outer(scale, scale)
         values, vectors = np.linalg.eigh(scaled)
-        inverse = (vectors / np.maximum(values, values[-1] * 1e-14)) @ vectors.T
+        inverse = (vectors / np.maximum(values, values.max(initial=0.0) * 1e-14)) @ vectors.T
         return inverse * np.outer(scale, scale)
 
 

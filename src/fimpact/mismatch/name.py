@@ -11,7 +11,7 @@ import numpy as np
 
 from fimpact.effects.base import Effect, Placed
 from fimpact.mismatch.calibrate import adjusted, adjusted_groups, background
-from fimpact.mismatch.colour import colour, coloured, covariance, disturbance, generalised
+from fimpact.mismatch.colour import FEW, colour, coloured, covariance, disturbance, generalised
 from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.judge import Bench, again, base_fit, freedom, settle, squares
 from fimpact.mismatch.problem import Linear, coordinates
@@ -21,7 +21,8 @@ from fimpact.mismatch.score import Candidate, proposals, rescore, score, screen,
 from fimpact.mismatch.simulate import Hypothesis
 
 ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
-REFITS = 6  # candidates that are truly refitted in each step
+FURTHER = 0.01  # the same for each further effect
+REFITS, EASY, MORE = 6, 20, 24  # candidates that are truly refitted in each step; more where windows are no more than EASY
 RIVAL, CLEAR = 0.4, 10.0  # share of the best candidate's predicted gain, and what comes on top, below which none is refitted
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 TRACE = 0.02  # share of what there was to explain that is not worth a further effect
@@ -107,7 +108,7 @@ class Naming:
     def answer(self) -> str:
         """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance."""
         forced = self.nameless[1] <= CERTAIN and self.left > UNNAMED
-        wild = self.dispersion > WILD and not self.best.placed
+        wild = self.dispersion > WILD and not self.best.placed and len(self.pulses.time) >= FEW
         return "unnamed" if forced or wild else self.best.name
 
     @property
@@ -172,22 +173,23 @@ def _step(search: Search, current: Explanation, least: float = 0.0, refits: int 
         return Step([], np.zeros(0), [])
     p = family_p(search.pulses, fitted, screened)
     step = Step(screened, p, [])
-    if step.least > ALARM or screened[0].gain < least:
+    if step.least > (FURTHER if current.placed else ALARM) or screened[0].gain < least:
         return step
     rivals = []
-    for candidate in shortlist(screened)[:refits]:
+    most = refits if len(bench.training.windows.runs) > EASY else MORE
+    for candidate in shortlist(screened, most):
         progress(f"refitting with {candidate.placed.name}")
         rivals.append(refit(bench, current, candidate))
     rivals = [r for r in rivals if np.isfinite(r.deviance)]
     return replace(step, rivals=weigh(search.pulses, search.held_out, rivals))
 
 
-def shortlist(screened: list[Candidate]) -> list[Candidate]:
+def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
     """The best probe of each effect and site, in falling order of predicted gain, as far as they are rivals."""
     best: dict[str, Candidate] = {}
     for candidate in screened:
         best.setdefault(candidate.placed.name, candidate)
-    ranked = [c for c in best.values() if c.gain > 0][:REFITS]
+    ranked = [c for c in best.values() if c.gain > 0][:most]
     # The larger an effect, the less can be said of it from one step.
     least = RIVAL * ranked[0].gain + min(RIVAL * ranked[0].gain / 2, CLEAR) if ranked else 0.0
     return [c for c in ranked if c.gain >= least]
@@ -294,7 +296,7 @@ def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
     for part, own in zip(_parts(best), sums, strict=True):
         samples = (part.point.residual != 0).sum(1)
         found.append(own.sum() / samples.sum())
-        if len(own) > 2:
+        if len(own) >= FEW:
             found.append(np.var(own * samples.mean() / samples, ddof=1) / (2 * own.mean()))
     return float(max(1.0, *found))
 
