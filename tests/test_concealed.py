@@ -76,8 +76,8 @@ def test_a_world_without_anything_planted_is_the_naive_model(motions, system):
 
 
 @pytest.mark.parametrize("system", RIGS)
-def test_the_truth_steps_ten_times_finer(system):
-    assert RIGS[system].fine == 10 * RIGS[system].coarse
+def test_the_truth_steps_at_least_ten_times_finer(system):
+    assert RIGS[system].fine >= 10 * RIGS[system].coarse
     assert RIGS[system].period / RIGS[system].coarse == pytest.approx(RIGS[system].naive.opt.timestep)
 
 
@@ -172,7 +172,7 @@ def test_starts_of_throws_survive_the_disk(motions, tmp_path):
     save_recording(tmp_path, "a", recording)
     back = load_recording(tmp_path, "a")
     assert np.array_equal(back.runs[3].qvel, recording.runs[3].qvel)
-    assert np.array_equal(back.start_sd, recording.start_sd) and back.window == 0
+    assert np.array_equal(back.start_sd, recording.start_sd) and back.window == recording.window
 
 
 def test_recordings_can_be_read_without_the_seals(case, tmp_path):

@@ -11,7 +11,7 @@ from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.diagnose import diagnose, to_json
 from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.judge import base_fit, bench, squares
-from fimpact.mismatch.name import Naming, name, refit
+from fimpact.mismatch.name import Naming, explain, name, refit
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
@@ -88,7 +88,8 @@ def test_the_time_step_is_not_called_physics():
 
 
 def test_one_shot_score_predicts_the_refit(friction):
-    made, naive = friction.bench, friction.naming.naive
+    made, simulator = friction.bench, friction.bench.training.simulator
+    naive = explain(*base_fit(made, coordinates(simulator), Hypothesis(simulator.theta)))
     tried = proposals(few("coulomb"), made.training, scales(made.training, naive.fitted.point))
     candidate = max(screen(made.training, naive.fitted, tried), key=lambda c: c.gain)
     refitted = refit(made, naive, candidate)

@@ -88,7 +88,9 @@ def tangents(rig: Rig, errors: np.ndarray, windows: Windows, pushed: bool) -> Ta
         for i, size in enumerate([0.01 * u.sd for u in rig.unknowns])
     ]
     push = _pulses(rig, model, windows, base) if pushed else None
-    return Tangents(windows.first == 0, np.stack(start, axis=2), np.stack(unknown, axis=2), _clocks(rig, windows, base), push)
+    return Tangents(
+        windows.first == 0, np.stack(start, axis=2), np.stack(unknown, axis=2), _clocks(rig, windows, base), push
+    )
 
 
 def _clocks(rig: Rig, windows: Windows, base: np.ndarray) -> np.ndarray:
@@ -169,7 +171,7 @@ def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> S
 
 
 def absorb(rig: Rig, tangent: Tangents, noise: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The errors of the unknowns, (p,), and of the starts, (W, 2 nv), that imitate the trace `change` (W, n ny, 1) best."""
+    """Errors of the unknowns, (p,), and of the starts, (W, 2 nv), that imitate the trace `change` (W, n ny, 1) best."""
     white = _whitener(noise)
     change, unknown, start = (white(a) for a in (change, _unknown(tangent), tangent.start))
     information = _start_information(rig, tangent, start)

@@ -10,6 +10,7 @@
 
 import time
 from collections.abc import Sequence
+from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,13 @@ DIVERGED = 1e3  # standard deviations, in place of what has no number
 def compare_part(
     recordings: Path, chosen: Sequence[str], refitted: Sequence[str], report: Report
 ) -> list[dict[str, Any]]:
-    """A row for each of the `chosen` cases in the folder `recordings`; every candidate is refitted in `refitted`."""
+    """A row for each of the `chosen` cases in the folder `recordings`; every candidate is refitted in `refitted`.
+
+    Raises:
+        ValueError: mujoco.sysid is not installed.
+    """
+    if chosen and not find_spec("plotly"):  # what it needs beyond mujoco, whose module is always there
+        raise ValueError("mujoco.sysid cannot be imported; install the comparators: pip install -e '.[peers]'")
 
     def work(case: str) -> dict[str, Any]:
         return compare(load_recording(recordings, case), PEERS if case in refitted else PEERS[:-1], report)
@@ -84,7 +91,7 @@ def _sysid(made: Bench, naive: Explanation) -> dict[str, float]:
 
 def _fit_sysid(made: Bench, start: np.ndarray) -> tuple[float, np.ndarray]:
     """Sum of squares and values at the optimum of `mujoco.sysid` from `start`, (p,)."""
-    from mujoco import sysid  # not a dependency of fimpact: pip install "mujoco[sysid]==3.17.0"
+    from mujoco import sysid
 
     problem, free = made.training, coordinates(made.training.simulator)
     low, high = np.maximum(free.low, free.mean - BOUND * free.scale), free.mean + BOUND * free.scale

@@ -4,14 +4,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fimpact.concealed.detect import Seen, Tangents, absorb, coloured, cut, gather, loudness, models, predict, see, tangents
+from fimpact.concealed.detect import (
+    Seen,
+    Tangents,
+    absorb,
+    coloured,
+    cut,
+    gather,
+    loudness,
+    models,
+    predict,
+    see,
+    tangents,
+)
 from fimpact.concealed.motions import Motion
 from fimpact.concealed.planting import Plant, Values
 from fimpact.concealed.rigs import Rig
 from fimpact.concealed.strangers import plant
 from fimpact.concealed.world import new_world, play
 
-MOVES, STILL = 6, 0.01  # how often the unknowns are moved to imitate an effect, or until its non-centrality stands still
+MOVES = 6  # how often the unknowns are moved to imitate an effect
+STILL = 0.01  # relative change of its non-centrality at which they are not moved further
+LEAST = -0.8  # relative error beyond which no unknown is taken: a mass stays positive
 CLOSE, NEAR = 0.08, 0.2  # in log lambda: of the search, and of what is accepted after its tangents are renewed
 
 
@@ -76,15 +90,20 @@ def trace(stage: Stage, name: str, site: str, size: float, values: Values) -> Tr
 def _imitated(stage: Stage, windows, change, tangent: Tangents):
     """`change` as it shows beside the best imitation by unknowns and starts: what is nonlinear in a large change of
     theirs must not pass for what they cannot imitate."""
-    rig, size = stage.rig, np.inf
+    rig, size, start = stage.rig, np.inf, np.zeros_like(windows.start)
     shown = change[:, :, 0] + predict(rig, models(rig, stage.errors), windows.start, windows.ctrl)
     for _ in range(MOVES):
-        unknown, start = absorb(rig, tangent, stage.noise, change)
-        moved = predict(rig, models(rig, stage.errors + unknown), windows.start + start, windows.ctrl)
-        linear = tangent.unknown @ unknown + np.einsum("wmx,wx->wm", tangent.start, start)
-        if not np.isfinite(moved).all():
+        unknown, wanted = absorb(rig, tangent, stage.noise, change)
+        unknown = np.maximum(unknown, LEAST - stage.errors)
+        model, moves = models(rig, stage.errors + unknown), (wanted, start)
+        left = [shown - predict(rig, model, windows.start + move, windows.ctrl) for move in moves]
+        # Where the mechanism strikes, the tangent's start may be worse than the last one.
+        first = (np.nan_to_num((left[0] ** 2).sum(1), nan=np.inf) <= (left[1] ** 2).sum(1))[:, None]
+        start, left = np.where(first, wanted, start), np.where(first, left[0], left[1])
+        if not np.isfinite(left).all():
             break
-        change, last = (shown - moved + linear)[:, :, None], size
+        linear = tangent.unknown @ unknown + np.einsum("wmx,wx->wm", tangent.start, start)
+        change, last = (left + linear)[:, :, None], size
         size = float(see(rig, tangent, stage.noise, change).size[0])
         if abs(size - last) < STILL * last:
             break

@@ -7,7 +7,9 @@ size is read from the residual itself, so a missing effect counts as noise here 
 honesty.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import minimize
@@ -37,7 +39,7 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Colour:
-    """Orthonormal directions (w, m, c) in which the residual of each window is louder than noise by sd `louder`, (w, c),
+    """Orthonormal directions (w, m, c) in which the residual of a window is louder than noise by sd `louder`, (w, c),
     and what a late clock of each run does to it, (w, m, runs)."""
 
     directions: np.ndarray
@@ -100,24 +102,43 @@ def coloured(fitted: Fit, found: Pulses) -> Fit:
     return replace(fitted, linear=linear, precision=precision, scale=scale, pull=pull)
 
 
-def generalised(fitted: Fit, shade: Colour) -> np.ndarray:
-    """Squares of each window, (w,), at the generalised least-squares optimum one linear step from `fitted`."""
-    linear, free = shade.apply(fitted.linear), fitted.coordinates
-    low, high = shade.with_clocks(free.low, -np.inf), shade.with_clocks(free.high, np.inf)
-    prior, scale = shade.with_clocks(free.sd, CLOCK), shade.with_clocks(free.scale, CLOCK)
-    z = shade.with_clocks(free.read(fitted.point.hypothesis), 0.0)
-    left = linear.off(fitted.point.residual)
-    slope = np.einsum("wma,wm->a", linear.projected, left) - shade.with_clocks(fitted.pull, 0.0)
-    scale = scale * ~(((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0)))
-    hessian = np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(prior**-2.0)
-    step = scale * np.linalg.lstsq(hessian * np.outer(scale, scale), slope * scale, rcond=1e-12)[0]
+@dataclass(frozen=True)
+class Generalised:
+    """The generalised least-squares optimum one linear step away: squares of each window, (w,) for each set of windows,
+    and the step and the covariance of the coordinates, (k,) and (k, k)."""
+
+    squares: list[np.ndarray]
+    step: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def total(self) -> float:
+        """All squares."""
+        return float(sum(part.sum() for part in self.squares))
+
+
+def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
+    """The optimum near `fits`, which are of the same coordinates in several sets of windows."""
+    free, k = fits[0].coordinates, len(fits[0].coordinates.mean)
+    linears = [shade.apply(fit.linear) for fit, shade in zip(fits, shades, strict=True)]
+    ends = np.cumsum([k, *(linear.raw.shape[2] - k for linear in linears)])
+    clock = np.ones(ends[-1] - k)
+    prior, scale = np.append(free.sd, CLOCK * clock), np.append(free.scale, CLOCK * clock)
+    z = np.append(free.read(fits[0].point.hypothesis), 0 * clock)
+    low, high = np.append(free.low, -np.inf * clock), np.append(free.high, np.inf * clock)
+    hessian, slope = np.diag(prior**-2.0), np.append(-fits[0].pull, 0 * clock)
+    places = [np.append(np.arange(k), np.arange(*pair)) for pair in pairwise(ends)]
+    lefts = [linear.off(fit.point.residual) for fit, linear in zip(fits, linears, strict=True)]
+    for linear, left, place in zip(linears, lefts, places, strict=True):
+        hessian[np.ix_(place, place)] += np.einsum("wma,wmb->ab", linear.projected, linear.projected)
+        slope[place] += np.einsum("wma,wm->a", linear.projected, left)
+    scaled = hessian * np.outer(scale, scale)
+    inverse = np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)
+    free_ = scale * ~(((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0)))
+    step = free_ * np.linalg.lstsq(hessian * np.outer(free_, free_), slope * free_, rcond=1e-12)[0]
     step = np.clip(z + step, low, high) - z
-    return ((left - linear.projected @ step) ** 2).sum(1)
-
-
-def covariance(fitted: Fit, found: Pulses, pushing: Disturbance) -> np.ndarray:
-    """Of the coordinates of a least-squares fit under such a disturbance and late clocks, (k, k): White's sandwich."""
-    own, slopes = fitted.covariance, fitted.linear.projected
-    shown = pushing.root().T @ np.einsum("wmb,wma->wba", found.columns, slopes)
-    late = CLOCK * np.einsum("wmr,wma->ra", found.clocks, slopes)
-    return own + own @ (np.einsum("wba,wbc->ac", shown, shown) + late.T @ late) @ own
+    squares = [
+        ((left - linear.projected @ step[place]) ** 2).sum(1)
+        for linear, left, place in zip(linears, lefts, places, strict=True)
+    ]
+    return Generalised(squares, step[:k], inverse[:k, :k])

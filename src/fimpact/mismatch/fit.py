@@ -15,6 +15,7 @@ SETTLED, RELATIVE = 0.05, 2e-6  # log-likelihood, or share of the cost: less pre
 THOUSANDTH = 1e-3
 UNSEEN = 1e-6  # squared sensitivity to a coordinate's whole scale below which it is left where it is
 DAMPING = (1e-4, 1e6)
+SHRINK = 5.0  # by which a positive parameter may shrink in one step
 FULL = 1e-3  # damping up to which a step is as long as it wants to be
 
 
@@ -60,6 +61,9 @@ def fit(
     linear, age = linear or problem.linearise(point, coordinates), 0
     for _ in range(iterations):
         z_step, x_step, gain = _step(point, linear, coordinates, damping)
+        if gain < 0.0:  # a bound cut the step short
+            damping *= 30
+            continue
         if gain < max(SETTLED, RELATIVE * point.cost):
             if age == 0 or not refresh:
                 converged = True
@@ -67,6 +71,9 @@ def fit(
             linear, age = problem.linearise(point, coordinates), 0
             continue
         trial = _moved(problem, point, coordinates, z_step, x_step)
+        if not trial.cost < point.cost and len(z_step):
+            # In windows where the mechanism sticks or strikes, the tangent's start may be worse than the old one.
+            trial = _better(trial, _moved(problem, point, coordinates, z_step, 0.0 * x_step))
         # A full step that changes nothing: what a secant promises beyond that is its own error.
         converged = age == 0 and damping <= FULL and abs(point.cost - trial.cost) < max(SETTLED, RELATIVE * point.cost)
         if trial.cost < point.cost:
@@ -139,7 +146,9 @@ def _step(point: Point, linear: Linear, coordinates: Coordinates, damping: float
         loaded = scaled + damping * np.diag(np.maximum(np.diag(scaled), 1e-12))
         step[free] = np.linalg.lstsq(loaded, (slope * scale)[free], rcond=1e-14)[0]
     step = step * scale
-    inside = np.clip(z + step, coordinates.low, coordinates.high) - z
+    # A mass that the tangent takes below zero is small, and how small the next tangent knows better.
+    low = np.where(coordinates.low > 0, np.maximum(coordinates.low, z / SHRINK), coordinates.low)
+    inside = np.clip(z + step, low, coordinates.high) - z
     target = np.einsum("wmx,wm->wx", linear.basis, point.residual - linear.raw @ inside)
     x_step = np.linalg.solve(linear.triangle, target[..., None])[..., 0]
     ahead = np.einsum("wmx,wm->wx", linear.basis, point.residual)
@@ -151,6 +160,19 @@ def _moved(problem: Problem, point: Point, coordinates: Coordinates, z_step, x_s
     hypothesis = coordinates.write(point.hypothesis, coordinates.read(point.hypothesis) + z_step)
     states = shift(problem.simulator.base, point.qpos, point.qvel, x_step)
     return problem.evaluate(hypothesis, *states, coordinates)
+
+
+def _better(one: Point, other: Point) -> Point:
+    """Two points of one hypothesis, each window's start from the one that fits it better."""
+    squares = [np.nan_to_num((p.residual**2).sum(1), nan=np.inf) for p in (one, other)]
+    first = (squares[0] <= squares[1])[:, None]
+    qpos, qvel, residual = (
+        np.where(first, getattr(one, name), getattr(other, name)) for name in ("qpos", "qvel", "residual")
+    )
+    finite = one if np.isfinite(one.cost) else other
+    bent = finite.cost - (finite.residual**2).sum() / 2
+    cost = float((residual**2).sum() / 2 + bent)
+    return Point(one.hypothesis, qpos, qvel, residual, cost if np.isfinite(cost) else np.inf)
 
 
 def first_point(problem: Problem, coordinates: Coordinates, hypothesis: Hypothesis) -> Point:

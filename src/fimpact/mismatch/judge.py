@@ -4,7 +4,7 @@ Numerics are not physics: the error of the time step is measured by halving it t
 extrapolation, and what is uncertain about that is counted as noise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,8 +41,8 @@ def bench(recording: Recording) -> Bench:
 
 
 def correct(bench: Bench, problem: Problem, point: Point) -> float:
-    """Set the problem's numerical offset at `point` to what Richardson's extrapolation of y_h, y_{h/2} and y_{h/4} adds to
-    y_h, for a first-order integrator, and count half its last step, `bend`, as noise; that step is taken once.
+    """Set the problem's numerical offset at `point` to what Richardson's extrapolation of y_h, y_{h/2} and y_{h/4}
+    adds to y_h, for a first-order integrator, and count half its last step, `bend`, as noise; it is taken once.
 
     Returns:
         How far the offset moved: the sum of squares, in standard deviations of the noise.
@@ -63,6 +63,7 @@ def settle(problem: Problem, hypothesis: Hypothesis, near: Point | None = None, 
     """Only the initial states fitted: how `hypothesis` predicts windows that it may not learn from."""
     states = (near.qpos, near.qvel) if near else problem.starts
     start = problem.evaluate(hypothesis, *states, NOTHING)
+    linear = linear.alone() if linear else None
     return fit(problem, NOTHING, start, 8, linear, refresh=False)
 
 
@@ -83,6 +84,15 @@ def again(bench: Bench, problem: Problem, found: Fit) -> Fit:
         if moved < STILL:
             break
     return found
+
+
+def exposed(problem: Problem, judged: Fit, fitted: Fit) -> Fit:
+    """`judged`, settled under the hypothesis of `fitted`, with its sensitivities to the coordinates of that fit."""
+    free, linear = fitted.coordinates, judged.linear.alone()
+    base = problem.predict(judged.point.hypothesis, judged.point.qpos, judged.point.qvel)
+    raw = problem.columns(judged.point, free, range(len(free.scale)), base)
+    linear = replace(linear, raw=raw, projected=linear.off(raw))
+    return replace(judged, linear=linear, coordinates=free, scale=fitted.scale, pull=fitted.pull)
 
 
 def squares(found: Fit) -> np.ndarray:

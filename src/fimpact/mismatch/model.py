@@ -34,7 +34,13 @@ NUMERICS = (
     (RK4, 3),
     (None, 3),
 )  # integrator (None: own), halvings of the step
-LISTS = {"model": "EDITS", "force": "FORCES", "friction": "FRICTIONS", "command": "COMMANDS", "measurement": "MEASUREMENTS"}
+LISTS = {
+    "model": "EDITS",
+    "force": "FORCES",
+    "friction": "FRICTIONS",
+    "command": "COMMANDS",
+    "measurement": "MEASUREMENTS",
+}
 KEPT = ("body_", "dof_", "jnt_", "geom_", "site_", "actuator_", "pair_", "eq_", "tendon_", "qpos", "cam_", "mesh_")
 
 

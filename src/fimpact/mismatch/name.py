@@ -11,9 +11,9 @@ import numpy as np
 
 from fimpact.effects.base import Effect, Placed
 from fimpact.mismatch.calibrate import adjusted, adjusted_groups, background
-from fimpact.mismatch.colour import FEW, colour, coloured, covariance, disturbance, generalised
+from fimpact.mismatch.colour import FEW, Colour, colour, coloured, disturbance, generalised
 from fimpact.mismatch.fit import Fit, fit, relinearised
-from fimpact.mismatch.judge import Bench, again, base_fit, freedom, settle, squares
+from fimpact.mismatch.judge import Bench, again, base_fit, correct, exposed, settle, squares
 from fimpact.mismatch.problem import Linear, coordinates
 from fimpact.mismatch.pulses import Pulses, curves, pulses
 from fimpact.mismatch.scales import scales
@@ -22,8 +22,11 @@ from fimpact.mismatch.simulate import Hypothesis
 
 ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
 FURTHER = 0.01  # the same for each further effect
-REFITS, EASY, MORE = 6, 20, 24  # candidates that are truly refitted in each step; more where windows are no more than EASY
-RIVAL, CLEAR = 0.4, 10.0  # share of the best candidate's predicted gain, and what comes on top, below which none is refitted
+REFITS = 6  # candidates that are truly refitted in each step
+EASY, MORE = 20, 24  # windows up to which that costs little, and how many are refitted then
+RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
+CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
+TWIN = 0.8  # cosine with the best candidate above which one is refitted whatever it is predicted to gain
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 TRACE = 0.02  # share of what there was to explain that is not worth a further effect
 MEMBERS, WORDY = 1 / 50, 1 / 5  # weight, relative to the best, above which an explanation cannot be told from it
@@ -31,6 +34,7 @@ UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leav
 WILD = 2.5  # dispersion that no disturbance has which is alike in all windows
 CERTAIN = 0.02  # family-wise p at which a force without a name is there beside the best named answer
 SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
+SHARPER = 2  # generalised steps from a fit by ordinary least squares
 LARGEST = 3  # effects that are added, at most
 
 
@@ -130,6 +134,7 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
     tried = proposals(effects, bench.training, scales(bench.training, naive.fitted.point))
     progress(f"screening {len(tried)} candidates")
     found = pulses(bench.training, naive.fitted), pulses(bench.held_out, naive.judged)
+    naive = sharpened(bench, found[0], naive)
     search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), *found, progress)
     best, rivals, steps = naive, [], []
     while len(best.placed) < LARGEST:
@@ -139,8 +144,7 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
         rivals = steps[-1].rivals
         if len(rivals[0].placed) > 1:
             rivals = _reconsider(search, rivals)
-        best = numerics(bench, rivals[0])
-        best = replace(best, fitted=relinearised(bench.training, best.fitted))
+        best = sharpened(bench, found[0], numerics(bench, rivals[0]))
     return _answer(search, naive, steps, best, rivals[1:])
 
 
@@ -158,8 +162,8 @@ class Search:
 
 def _explained(found: Pulses, naive: Fit, current: Fit) -> float:
     """Generalised squares by which `current` fits training windows better than `naive`."""
-    shade = colour(found, disturbance(current, found))
-    return float(generalised(naive, shade).sum() - generalised(current, shade).sum())
+    shade = [colour(found, disturbance(current, found))]
+    return generalised([naive], shade).total - generalised([current], shade).total
 
 
 def _step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS) -> Step:
@@ -181,18 +185,26 @@ def _step(search: Search, current: Explanation, least: float = 0.0, refits: int 
         progress(f"refitting with {candidate.placed.name}")
         rivals.append(refit(bench, current, candidate))
     rivals = [r for r in rivals if np.isfinite(r.deviance)]
-    return replace(step, rivals=weigh(search.pulses, search.held_out, rivals))
+    return replace(step, rivals=weigh(bench, search.pulses, search.held_out, rivals))
 
 
 def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
-    """The best probe of each effect and site, in falling order of predicted gain, as far as they are rivals."""
+    """The best probe of each effect and site, in falling order of predicted gain, as far as they are rivals or look
+    like the best."""
     best: dict[str, Candidate] = {}
     for candidate in screened:
         best.setdefault(candidate.placed.name, candidate)
-    ranked = [c for c in best.values() if c.gain > 0][:most]
+    ranked = [c for c in best.values() if c.gain > 0]
     # The larger an effect, the less can be said of it from one step.
     least = RIVAL * ranked[0].gain + min(RIVAL * ranked[0].gain / 2, CLEAR) if ranked else 0.0
-    return [c for c in ranked if c.gain >= least]
+    rivals = [c for c in ranked[:most] if c.gain >= least]
+    twins = [c for c in ranked if c.gain < least and abs(alike(c, ranked[0])) > TWIN]
+    return rivals + twins[: max(most - len(rivals), 1)]
+
+
+def alike(one: Candidate, other: Candidate) -> float:
+    """Cosine of the projected sensitivities."""
+    return float((one.column * other.column).sum() / np.sqrt(one.information * other.information))
 
 
 def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:
@@ -222,16 +234,37 @@ def numerics(bench: Bench, best: Explanation) -> Explanation:
     return replace(explain(fitted, judged), weight=best.weight, dispersion=best.dispersion)
 
 
+def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanation:
+    """The same explanation at its generalised optimum, disturbances in the training windows weighed as such."""
+    for _ in range(SHARPER):
+        fitted, parts = explanation.fitted, []
+        shade = colour(found, disturbance(fitted, found))
+        z = fitted.coordinates.read(fitted.point.hypothesis) + generalised([fitted], [shade]).step
+        hypothesis = fitted.coordinates.write(fitted.point.hypothesis, z)
+        for problem, part in zip((bench.training, bench.held_out), _parts(explanation), strict=True):
+            near = settle(problem, hypothesis, part.point, part.linear)
+            correct(bench, problem, near.point)
+            parts.append(settle(problem, hypothesis, near.point, near.linear))
+        where = parts[0].point.qpos, parts[0].point.qvel
+        point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
+        if not np.isfinite(point.cost):
+            break
+        fitted = relinearised(bench.training, replace(fitted, point=point))
+        explanation = replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)
+    return explanation
+
+
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
     """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way."""
+    bench = search.bench
     for leaving in rivals[0].placed:
         rest = tuple(p for p in rivals[0].placed if p.name != leaving.name)
-        reduced = without(search.bench, rivals[0], rest)
-        if weigh(search.pulses, search.held_out, [reduced, rivals[0]])[0].placed == reduced.placed:
+        reduced = without(bench, rivals[0], rest)
+        if weigh(bench, search.pulses, search.held_out, [reduced, rivals[0]])[0].placed == reduced.placed:
             return [replace(reduced, weight=1.0)]
         found = _step(search, reduced, refits=SWAPS).rivals
         known = {r.name for r in rivals}
-        rivals = weigh(search.pulses, search.held_out, rivals + [r for r in found if r.name not in known])
+        rivals = weigh(bench, search.pulses, search.held_out, rivals + [r for r in found if r.name not in known])
     return rivals
 
 
@@ -261,23 +294,29 @@ def price(explanation: Explanation) -> float:
     return float(np.log(samples) * sum(len(p.effect.coefficients) for p in explanation.placed))
 
 
-def weigh(found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
+def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
     """Rivals in falling order of weight, exp(-deviance / 2) with overdispersion, all under the disturbance that the
-    likeliest of them leaves: generalised squares and log(samples) for each coefficient of an effect."""
+    likeliest of them leaves: generalised squares of all windows together and log(samples) for each coefficient of an
+    effect. Held-out windows are predicted as uncertain as the parameters are, by refitting both sets together."""
     if not rivals:
         return []
     pushing = disturbance(min(rivals, key=lambda r: r.deviance).fitted, found)
     shades = colour(found, pushing), colour(held_out, pushing)
-    sums = [[generalised(part, shade) for part, shade in zip(_parts(r), shades, strict=True)] for r in rivals]
-    deviance = np.array([sum(part.sum() for part in pair) + price(r) for pair, r in zip(sums, rivals, strict=True)])
+    optima = [generalised(both(bench, r), shades) for r in rivals]
+    deviance = np.array([found.total + price(r) for found, r in zip(optima, rivals, strict=True)])
     least = int(np.argmin(deviance))
-    spread = dispersion(rivals[least], sums[least])
+    spread = dispersion(rivals[least], optima[least].squares)
     raw = np.exp(-(deviance - deviance[least]) / 2 / spread)
     weighted = [
         replace(r, weight=float(w), deviance=float(d), dispersion=spread)
         for r, w, d in zip(rivals, raw / raw.sum(), deviance, strict=True)
     ]
     return sorted(weighted, key=lambda r: r.deviance)
+
+
+def both(bench: Bench, explanation: Explanation) -> tuple[Fit, Fit]:
+    """Training and held-out windows under `explanation`, ready to be fitted together."""
+    return explanation.fitted, exposed(bench.held_out, explanation.judged, explanation.fitted)
 
 
 def _parts(explanation: Explanation) -> tuple[Fit, Fit]:
@@ -304,24 +343,30 @@ def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
 def _worthwhile(search: Search, naive: Explanation, current: Explanation, step: Step) -> bool:
     """Whether the best rival predicts held-out windows better, and a further one by more than a trace of what there was
     to explain. What training shows beyond doubt, a few held-out runs may fail to show by chance."""
-    best = step.rivals[0]
-    shade = colour(search.held_out, disturbance(best.fitted, search.pulses))
-    before, now, then = (generalised(e.judged, shade).sum() for e in (naive, current, best))
+    pushing = disturbance(step.rivals[0].fitted, search.pulses)
+    shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
+    before, now, then = (_predicted(search.bench, e, shades) for e in (naive, current, step.rivals[0]))
     if current.placed:
         return bool(now - then > max(TRACE * (before - now), 0.0))
     return bool(now - then > (-CHANCE if step.least <= SURE else 0.0))
+
+
+def _predicted(bench: Bench, explanation: Explanation, shades: tuple[Colour, Colour]) -> float:
+    """Squares of the held-out windows as predicted from training: what they add to those of training alone."""
+    alone = generalised([explanation.fitted], shades[:1]).total
+    return generalised(both(bench, explanation), shades).total - alone
 
 
 def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explanation, others) -> Naming:
     bench, found = search.bench, search.pulses
     pushing = disturbance(best.fitted, found)
     shades = colour(found, pushing), colour(search.held_out, pushing)
-    spread = dispersion(best, [generalised(f, s) for f, s in zip(_parts(best), shades, strict=True)])
+    spread = dispersion(best, generalised(both(bench, best), shades).squares)
     rivals = [r for r in others if r.weight >= (WORDY if _generalises(r, best) else MEMBERS) * best.weight]
     members = [best, *rivals] if best.placed else []
     (before, _), (after, more) = (nameless(bench, e.fitted, found) for e in (naive, best))
     left = more / max(more + _explained(found, naive.fitted, best.fitted), 1e-9)
-    wide = spread * covariance(best.fitted, found, pushing)
+    wide = spread * generalised([best.fitted], shades[:1]).covariance
     return Naming(naive, steps, best, members, left, (before, after), spread, wide, found)
 
 

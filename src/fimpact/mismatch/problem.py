@@ -82,6 +82,11 @@ class Linear:
         left = flat - self.basis @ (self.basis.transpose(0, 2, 1) @ flat)
         return left if columns.ndim == 3 else left[..., 0]
 
+    def alone(self) -> "Linear":
+        """Without coordinates: the initial states only."""
+        nothing = self.raw[:, :, :0]
+        return replace(self, raw=nothing, projected=nothing)
+
 
 class Problem:
     """Windows of a recording under a simulator; `noise` (ny,) or (w, T, ny), and what numerics add to predictions."""

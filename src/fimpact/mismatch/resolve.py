@@ -26,7 +26,7 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     made = bench(longer)
     naive = base_fit(made, coordinates(made.training.simulator), Hypothesis(made.training.simulator.theta))
     found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
-    return weigh(*found, [_refitted(made, naive, member) for member in members])
+    return weigh(made, *found, [_refitted(made, naive, member) for member in members])
 
 
 def _refitted(made: Bench, naive, member: dict[str, dict]) -> Explanation:

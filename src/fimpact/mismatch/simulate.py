@@ -138,7 +138,9 @@ class Simulator:
         before, after, (w, steps) = state, np.empty((len(state), 1, state.shape[1])), ctrl.shape[:2]
         sensed = np.empty((steps, w, 1, model.nsensordata))
         # Friction that changes is a field of the model, and a model for each window.
-        models = [copy.copy(model) for _ in range(w)] if any(p.effect.enters == "friction" for p in laws) else [model] * w
+        models = (
+            [copy.copy(model) for _ in range(w)] if any(p.effect.enters == "friction" for p in laws) else [model] * w
+        )
         for k in range(steps):
             # Half a step ahead, so that holding the force over the step is accurate to second order.
             ahead = state + (state - before) / 2
