@@ -29,7 +29,7 @@ OURS = {PAGE, DATA, FIGURES, XML, CALLBACK, ASSETS}
 DIGITS = 10  # significant, in the JSON: beyond them results are not reproducible
 SHAPES = 3  # of an unnamed force that are told
 PACKAGES = ("fimpact", "mujoco", "numpy", "scipy")
-SEEDS = {"sign flips": 0, "bootstrap": 0}
+SEEDS = {"joint draws of scores": 0, "bootstrap": 0}
 
 
 def describe_inputs(paths: Iterable[Path | str]) -> dict[str, Any]:

@@ -29,11 +29,13 @@ CLEAR = 10.0  # what comes on top of that for small gains, half of that share at
 TWIN = 0.8  # cosine with the best candidate above which one is refitted whatever it is predicted to gain
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 TRACE = 0.02  # share of what there was to explain that is not worth a further effect
-MEMBERS, WORDY = 1 / 50, 1 / 5  # weight, relative to the best, above which an explanation cannot be told from it
+SHAPE = 4.0  # price of a coefficient that has no meaning without an amplitude
+MEMBERS, WORDY = 1 / 50, 1 / 10  # weight, relative to the best, above which an explanation cannot be told from it
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
-WILD = 2.5  # dispersion that no disturbance has which is alike in all windows
+WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
 CERTAIN = 0.02  # family-wise p at which a force without a name is there beside the best named answer
 SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
+WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
 SHARPER = 2  # generalised steps from a fit by ordinary least squares
 LARGEST = 3  # effects that are added, at most
 
@@ -247,7 +249,7 @@ def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanat
             parts.append(settle(problem, hypothesis, near.point, near.linear))
         where = parts[0].point.qpos, parts[0].point.qvel
         point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
-        if not np.isfinite(point.cost):
+        if not point.cost < WORSE * fitted.point.cost:  # the step left the range in which its tangent holds
             break
         fitted = relinearised(bench.training, replace(fitted, point=point))
         explanation = replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)
@@ -289,9 +291,11 @@ def explain(fitted: Fit, judged: Fit) -> Explanation:
 
 
 def price(explanation: Explanation) -> float:
-    """log(samples) for each coefficient of an effect, as in Schwarz's criterion."""
+    """log(samples) for each amplitude of an effect, as in Schwarz's criterion, and `SHAPE` for each shape: where the
+    data say nothing of it, it costs nothing to have it."""
     samples = sum((part.point.residual != 0).sum() for part in _parts(explanation))
-    return float(np.log(samples) * sum(len(p.effect.coefficients) for p in explanation.placed))
+    shapes = [c.shape for p in explanation.placed for c in p.effect.coefficients]
+    return float(np.where(shapes, SHAPE, np.log(samples)).sum())
 
 
 def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
