@@ -29,7 +29,9 @@ def paper() -> dict:
 
 @pytest.mark.parametrize("name", ["config", "smoke", "reference"])
 def test_shipped_configurations_are_valid(paper, name):
-    check(merged(paper, yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text())), SCHEMA)
+    shipped = yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text())
+    shipped.pop("concealed", None)  # has a schema of its own
+    check(merged(paper, shipped), SCHEMA)
 
 
 @pytest.mark.parametrize(
