@@ -10,8 +10,9 @@ from fimpact.effects import EFFECTS
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.diagnose import diagnose, to_json
 from fimpact.mismatch.discriminate import discriminate
+from fimpact.mismatch.explain import explain, refit
 from fimpact.mismatch.judge import base_fit, bench, squares
-from fimpact.mismatch.name import Naming, explain, name, refit
+from fimpact.mismatch.name import Naming, name
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales

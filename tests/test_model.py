@@ -12,9 +12,9 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch import model
 from fimpact.mismatch.evidence import weigh_evidence
+from fimpact.mismatch.explain import explain
 from fimpact.mismatch.judge import base_fit, bench, settle
 from fimpact.mismatch.model import check_model, refusal, write_model
-from fimpact.mismatch.name import explain
 from fimpact.mismatch.problem import NOTHING, coordinates
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.simulate import Hypothesis

@@ -19,8 +19,8 @@ import numpy as np
 from markupsafe import Markup
 
 from fimpact.mismatch.diagnose import Diagnosis, parameter_rows, to_json
+from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.model import ASSETS, CALLBACK, XML, check_model, refusal, write_model
-from fimpact.mismatch.name import Explanation
 from fimpact.mismatch.shape import shapes
 from fimpact.report_figures import channel_unit, inline, pictures, shown_run, store
 

@@ -17,8 +17,8 @@ from fimpact.concealed.rows import DONE, Arrays, Report, each, read_rows, runs_o
 from fimpact.mismatch.diagnose import Diagnosis, diagnose, to_json
 from fimpact.mismatch.discriminate import discriminate, limits
 from fimpact.mismatch.model import check_model, write_model
-from fimpact.mismatch.name import MEMBERS
 from fimpact.mismatch.resolve import resolve
+from fimpact.mismatch.weigh import MEMBERS
 from fimpact.recordings import Recording, Run
 
 WAYS = ("designed", "random")

@@ -13,6 +13,7 @@ from fimpact.concealed.measures import NULL, VISIBLE, calibration, claims, error
 from fimpact.looks import STYLE, WIDTH, in_percent, log_places, set_ticks, write
 
 OURS, OTHERS, MUTED = "#0072B2", "#D55E00", "0.55"
+BELOW = -0.06  # where counts stand, under the shares
 ERRORS = {  # column -> label, colour, marker; from the naive model to what noise allows
     "heldout_before": ("naive model, fitted", MUTED, "s"),
     "heldout_sysid_five": ("mujoco.sysid, best of five", OTHERS, "v"),
@@ -71,7 +72,7 @@ def calibration_curve(cases: pd.DataFrame, stem: Path | str) -> None:
         if len(stated):
             _bins(ax, calibration(stated))
             ax.set_title(f"Calibration error {error_of(stated):.3f} over {len(stated)} named answers")
-        ax.set(xlabel="stated confidence", ylabel="right (95 % interval)", xlim=(-0.02, 1.04), ylim=(-0.02, 1.04))
+        ax.set(xlabel="stated confidence", ylabel="right (95 % interval)", xlim=(-0.02, 1.04), ylim=(-0.1, 1.04))
         for axis in (ax.xaxis, ax.yaxis):
             set_ticks(axis, [0, 0.25, 0.5, 0.75, 1], in_percent)
         write(figure, stem)
@@ -81,8 +82,8 @@ def _bins(ax: Axes, table: np.ndarray) -> None:
     counts = [(round(share * n), int(n)) for _, share, n in table]
     _whiskers(ax, table[:, 0], counts, OURS, "o", "-")
     for x, _, n in table:
-        ax.annotate(f"{n:.0f}", (x, 0.0), color=MUTED, ha="center", va="bottom", fontsize=7.5)
-    ax.annotate("answers:", (min(table[0, 0] - 0.06, 0.94), 0.0), color=MUTED, ha="right", va="bottom", fontsize=7.5)
+        ax.annotate(f"{n:.0f}", (x, BELOW), color=MUTED, ha="center", va="center", fontsize=7.5)
+    ax.annotate("answers:", (min(table[0, 0] - 0.06, 0.94), BELOW), color=MUTED, ha="right", va="center", fontsize=7.5)
 
 
 def _whiskers(ax: Axes, x, counts: list[tuple[int, int]], colour: str, marker: str, line: str, **rest) -> None:

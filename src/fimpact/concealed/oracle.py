@@ -5,9 +5,10 @@ import numpy as np
 from fimpact.concealed.truth import Planted, Truth
 from fimpact.effects import EFFECTS
 from fimpact.mismatch.evidence import weigh_evidence
+from fimpact.mismatch.explain import Explanation, explain, refit, sharpened
 from fimpact.mismatch.judge import Bench, again, base_fit, bench, settle
-from fimpact.mismatch.name import Explanation, explain, refit
 from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
@@ -38,6 +39,7 @@ def _oracle(recording: Recording, truth: Truth) -> float:
         fitted = again(made, made.training, current.fitted)
         judged = settle(made.held_out, fitted.point.hypothesis, current.judged.point)
         current = explain(fitted, again(made, made.held_out, judged))
+        current = sharpened(made, pulses(made.training, naive.fitted), current)
     return weigh_evidence(made, naive, current).after
 
 

@@ -22,9 +22,9 @@ from fimpact.concealed.rows import Report, each
 from fimpact.effects import EFFECTS
 from fimpact.mismatch.blackbox import black_box
 from fimpact.mismatch.evidence import weigh_evidence
+from fimpact.mismatch.explain import Explanation, explain, refit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
 from fimpact.mismatch.locate import locate
-from fimpact.mismatch.name import Explanation, explain, refit
 from fimpact.mismatch.problem import NOTHING, coordinates
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales

@@ -56,7 +56,7 @@ def score_case(case: str, truth: Truth, recording: Recording, told: dict[str, di
         "located": _located(model, recording, truth, row, named),
         "heldout_before": evidence.get("before"),
         "heldout_after": evidence.get("after"),
-        "heldout_oracle": _oracle(recording, truth, row["answer"] == planted, evidence),
+        "heldout_oracle": oracle_error(recording, truth) if truth.effects else evidence.get("before"),
         "heldout_blackbox": told.get("peers", {}).get("heldout_blackbox"),
         "noise_floor": evidence.get("noise_floor"),
         "seconds": sum(row["seconds"].values()),
@@ -79,14 +79,6 @@ def score_case(case: str, truth: Truth, recording: Recording, told: dict[str, di
         **{f"seconds_{stage}": seconds for stage, seconds in row["seconds"].items()},
         **{f"job_{stage}": told.get(stage, {}).get("job_seconds") for stage in STAGES},
     }
-
-
-def _oracle(recording: Recording, truth: Truth, right: bool, evidence: dict[str, Any]) -> float | None:
-    """Held-out error of whoever knows what is planted: that is the naive model where nothing is, and the answer itself
-    where it is right, because it was fitted from the same probes."""
-    if not truth.effects:
-        return evidence.get("before")
-    return evidence.get("after") if right else oracle_error(recording, truth)
 
 
 def planted_name(effects: Sequence[Planted]) -> str:

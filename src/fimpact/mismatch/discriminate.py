@@ -11,8 +11,8 @@ from itertools import combinations
 import numpy as np
 from cmaes import CMA
 
+from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.judge import Bench
-from fimpact.mismatch.name import Explanation
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Windows
 from fimpact.recordings import Recording

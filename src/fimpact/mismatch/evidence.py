@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, freedom, squares
-from fimpact.mismatch.name import Explanation
 
 RESAMPLES = 2000
 LAGS = 5  # samples over which a residual must not remember itself

@@ -9,16 +9,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.effects.base import Effect, Placed
-from fimpact.mismatch.calibrate import adjusted, adjusted_groups, background
-from fimpact.mismatch.colour import FEW, Colour, colour, coloured, disturbance, generalised
-from fimpact.mismatch.fit import Fit, fit, relinearised
-from fimpact.mismatch.judge import Bench, again, base_fit, correct, exposed, settle, squares
-from fimpact.mismatch.problem import Linear, coordinates
-from fimpact.mismatch.pulses import Pulses, curves, pulses
+from fimpact.effects.base import Effect
+from fimpact.mismatch.calibrate import adjusted, background
+from fimpact.mismatch.colour import FEW, colour, coloured, disturbance, generalised
+from fimpact.mismatch.explain import Explanation, explain, numerics, refit, sharpened, without
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.judge import Bench, base_fit
+from fimpact.mismatch.nameless import nameless
+from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.pulses import Pulses, pulses
 from fimpact.mismatch.scales import scales
-from fimpact.mismatch.score import Candidate, proposals, rescore, score, screen, two_sided
+from fimpact.mismatch.score import Candidate, proposals, rescore, screen, two_sided
 from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.weigh import both, dispersion, explained, members, predicted, weigh
 
 ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
 FURTHER = 0.01  # the same for each further effect
@@ -29,40 +32,11 @@ CLEAR = 10.0  # what comes on top of that for small gains, half of that share at
 TWIN = 0.8  # cosine with the best candidate above which one is refitted whatever it is predicted to gain
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 TRACE = 0.02  # share of what there was to explain that is not worth a further effect
-SHAPE = 4.0  # price of a coefficient that has no meaning without an amplitude
-MEMBERS, WORDY = 1 / 50, 1 / 10  # weight, relative to the best, above which an explanation cannot be told from it
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
 CERTAIN = 0.02  # family-wise p at which a force without a name is there beside the best named answer
 SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
-WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
-SHARPER = 2  # generalised steps from a fit by ordinary least squares
 LARGEST = 3  # effects that are added, at most
-
-
-NAMELESS = Placed(
-    Effect("nameless", "residual", "", "", "", "force", (), lambda m, c: [], lambda s, m, k: [], np.zeros_like, {}),
-    "",
-    {},
-)
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """The effects added, the fit, and the held-out windows under it; deviance: `explain`, or `weigh` where rivals were
-    weighed; weight: its share of belief among its rivals; dispersion: what their deviances were divided by."""
-
-    placed: tuple[Placed, ...]
-    fitted: Fit
-    judged: Fit
-    deviance: float
-    weight: float = 0.0
-    dispersion: float = 1.0
-
-    @property
-    def name(self) -> str:
-        """Names joined by +, in alphabetical order; "none" for the naive model."""
-        return "+".join(sorted(p.name for p in self.placed)) or "none"
 
 
 @dataclass(frozen=True)
@@ -140,7 +114,7 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
     search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), *found, progress)
     best, rivals, steps = naive, [], []
     while len(best.placed) < LARGEST:
-        steps.append(_step(search, best, TRACE * _explained(found[0], naive.fitted, best.fitted)))
+        steps.append(_step(search, best, TRACE * explained(found[0], naive.fitted, best.fitted)))
         if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
             break
         rivals = steps[-1].rivals
@@ -160,12 +134,6 @@ class Search:
     pulses: Pulses
     held_out: Pulses
     progress: Callable[[str], None]
-
-
-def _explained(found: Pulses, naive: Fit, current: Fit) -> float:
-    """Generalised squares by which `current` fits training windows better than `naive`."""
-    shade = [colour(found, disturbance(current, found))]
-    return generalised([naive], shade).total - generalised([current], shade).total
 
 
 def _step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS) -> Step:
@@ -209,53 +177,6 @@ def alike(one: Candidate, other: Candidate) -> float:
     return float((one.column * other.column).sum() / np.sqrt(one.information * other.information))
 
 
-def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:
-    """All coordinates together, to convergence; what is shared with the current fit is not linearised anew."""
-    problem, placed = bench.training, (*current.placed, candidate.start())
-    point = current.fitted.point
-    sizes = tuple(sizes_of(p) for p in (*current.placed, candidate.placed))
-    free = coordinates(problem.simulator, placed, sizes)
-    start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
-    new = range(len(current.fitted.coordinates.scale), len(free.scale))
-    base = problem.predict(start.hypothesis, point.qpos, point.qvel)
-    raw = np.concatenate([current.fitted.linear.raw, problem.columns(start, free, new, base)], 2)
-    linear = Linear(current.fitted.linear.basis, current.fitted.linear.triangle, raw, raw)
-    fitted = fit(problem, free, start, 12, replace(linear, projected=linear.off(raw)))
-    judged = settle(bench.held_out, fitted.point.hypothesis, current.judged.point, current.judged.linear)
-    offsets = problem.offset, bench.held_out.offset
-    found = numerics(bench, explain(fitted, judged))
-    problem.offset, bench.held_out.offset = offsets
-    return found
-
-
-def numerics(bench: Bench, best: Explanation) -> Explanation:
-    """The explanation with the time step's error measured where it now is, refitted."""
-    fitted = again(bench, bench.training, best.fitted)
-    judged = settle(bench.held_out, fitted.point.hypothesis, best.judged.point, best.judged.linear)
-    judged = again(bench, bench.held_out, judged)
-    return replace(explain(fitted, judged), weight=best.weight, dispersion=best.dispersion)
-
-
-def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanation:
-    """The same explanation at its generalised optimum, disturbances in the training windows weighed as such."""
-    for _ in range(SHARPER):
-        fitted, parts = explanation.fitted, []
-        shade = colour(found, disturbance(fitted, found))
-        z = fitted.coordinates.read(fitted.point.hypothesis) + generalised([fitted], [shade]).step
-        hypothesis = fitted.coordinates.write(fitted.point.hypothesis, z)
-        for problem, part in zip((bench.training, bench.held_out), _parts(explanation), strict=True):
-            near = settle(problem, hypothesis, part.point, part.linear)
-            correct(bench, problem, near.point)
-            parts.append(settle(problem, hypothesis, near.point, near.linear))
-        where = parts[0].point.qpos, parts[0].point.qvel
-        point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
-        if not point.cost < WORSE * fitted.point.cost:  # the step left the range in which its tangent holds
-            break
-        fitted = relinearised(bench.training, replace(fitted, point=point))
-        explanation = replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)
-    return explanation
-
-
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
     """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way."""
     bench = search.bench
@@ -270,95 +191,15 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
     return rivals
 
 
-def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Explanation:
-    """The explanation refitted with the effects `rest` only."""
-    problem, point = bench.training, current.fitted.point
-    free = coordinates(problem.simulator, rest, tuple(sizes_of(p) for p in rest))
-    start = problem.evaluate(Hypothesis(point.hypothesis.theta, rest), point.qpos, point.qvel, free)
-    fitted = fit(problem, free, start)
-    return explain(fitted, settle(bench.held_out, fitted.point.hypothesis, current.judged.point))
-
-
-def sizes_of(placed: Placed) -> dict[str, float]:
-    """A typical size of each value of a placed effect."""
-    return {name: abs(value) or 1e-6 for name, value in placed.values.items()}
-
-
-def explain(fitted: Fit, judged: Fit) -> Explanation:
-    """An explanation with its deviance: squares of training and held-out windows, and its price."""
-    found = Explanation(fitted.point.hypothesis.placed, fitted, judged, 0.0)
-    return replace(found, deviance=float(squares(fitted).sum() + squares(judged).sum() + price(found)))
-
-
-def price(explanation: Explanation) -> float:
-    """log(samples) for each amplitude of an effect, as in Schwarz's criterion, and `SHAPE` for each shape: where the
-    data say nothing of it, it costs nothing to have it."""
-    samples = sum((part.point.residual != 0).sum() for part in _parts(explanation))
-    shapes = [c.shape for p in explanation.placed for c in p.effect.coefficients]
-    return float(np.where(shapes, SHAPE, np.log(samples)).sum())
-
-
-def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
-    """Rivals in falling order of weight, exp(-deviance / 2) with overdispersion, all under the disturbance that the
-    likeliest of them leaves: generalised squares of all windows together and log(samples) for each coefficient of an
-    effect. Held-out windows are predicted as uncertain as the parameters are, by refitting both sets together."""
-    if not rivals:
-        return []
-    pushing = disturbance(min(rivals, key=lambda r: r.deviance).fitted, found)
-    shades = colour(found, pushing), colour(held_out, pushing)
-    optima = [generalised(both(bench, r), shades) for r in rivals]
-    deviance = np.array([found.total + price(r) for found, r in zip(optima, rivals, strict=True)])
-    least = int(np.argmin(deviance))
-    spread = dispersion(rivals[least], optima[least].squares)
-    raw = np.exp(-(deviance - deviance[least]) / 2 / spread)
-    weighted = [
-        replace(r, weight=float(w), deviance=float(d), dispersion=spread)
-        for r, w, d in zip(rivals, raw / raw.sum(), deviance, strict=True)
-    ]
-    return sorted(weighted, key=lambda r: r.deviance)
-
-
-def both(bench: Bench, explanation: Explanation) -> tuple[Fit, Fit]:
-    """Training and held-out windows under `explanation`, ready to be fitted together."""
-    return explanation.fitted, exposed(bench.held_out, explanation.judged, explanation.fitted)
-
-
-def _parts(explanation: Explanation) -> tuple[Fit, Fit]:
-    return explanation.fitted, explanation.judged
-
-
-def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
-    """What differences of deviance, and variances, are scaled by: 1 for noise, more where a residual remembers itself.
-
-    A window's sum of squares is taken as a scaled chi-square, its scale by moments: variance / (2 mean).
-
-    Args:
-        sums: squares of each training and each held-out window, (w,) each.
-    """
-    found = []
-    for part, own in zip(_parts(best), sums, strict=True):
-        samples = (part.point.residual != 0).sum(1)
-        found.append(own.sum() / samples.sum())
-        if len(own) >= FEW:
-            found.append(np.var(own * samples.mean() / samples, ddof=1) / (2 * own.mean()))
-    return float(max(1.0, *found))
-
-
 def _worthwhile(search: Search, naive: Explanation, current: Explanation, step: Step) -> bool:
     """Whether the best rival predicts held-out windows better, and a further one by more than a trace of what there was
     to explain. What training shows beyond doubt, a few held-out runs may fail to show by chance."""
     pushing = disturbance(step.rivals[0].fitted, search.pulses)
     shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
-    before, now, then = (_predicted(search.bench, e, shades) for e in (naive, current, step.rivals[0]))
+    before, now, then = (predicted(search.bench, e, shades) for e in (naive, current, step.rivals[0]))
     if current.placed:
         return bool(now - then > max(TRACE * (before - now), 0.0))
     return bool(now - then > (-CHANCE if step.least <= SURE else 0.0))
-
-
-def _predicted(bench: Bench, explanation: Explanation, shades: tuple[Colour, Colour]) -> float:
-    """Squares of the held-out windows as predicted from training: what they add to those of training alone."""
-    alone = generalised([explanation.fitted], shades[:1]).total
-    return generalised(both(bench, explanation), shades).total - alone
 
 
 def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explanation, others) -> Naming:
@@ -366,19 +207,10 @@ def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explana
     pushing = disturbance(best.fitted, found)
     shades = colour(found, pushing), colour(search.held_out, pushing)
     spread = dispersion(best, generalised(both(bench, best), shades).squares)
-    rivals = [r for r in others if r.weight >= (WORDY if _generalises(r, best) else MEMBERS) * best.weight]
-    members = [best, *rivals] if best.placed else []
     (before, _), (after, more) = (nameless(bench, e.fitted, found) for e in (naive, best))
-    left = more / max(more + _explained(found, naive.fitted, best.fitted), 1e-9)
+    left = more / max(more + max(explained(found, naive.fitted, best.fitted), 0.0), 1e-9)
     wide = spread * generalised([best.fitted], shades[:1]).covariance
-    return Naming(naive, steps, best, members, left, (before, after), spread, wide, found)
-
-
-def _generalises(rival: Explanation, best: Explanation) -> bool:
-    """Whether `rival` says what `best` says, with more coefficients: chance alone lets it fit somewhat better."""
-    special = {(p.effect.name, p.site) for p in best.placed}
-    covered = {(name, p.site) for p in rival.placed for name in (p.effect.name, *p.effect.contains)}
-    return special <= covered
+    return Naming(naive, steps, best, members(best, others), left, (before, after), spread, wide, found)
 
 
 def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarray:
@@ -386,17 +218,3 @@ def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarra
     columns = np.stack([c.column.ravel() for c in screened], 1)
     sides = np.array([two_sided(c.placed.effect) for c in screened])
     return adjusted(np.array([c.z for c in screened]), columns, sides, background(fitted, found))
-
-
-def nameless(bench: Bench, fitted: Fit, found: Pulses) -> tuple[float, float]:
-    """Family-wise p of a force without a name, any of the `curves`, beside what is fitted, and its predicted gain."""
-    fitted, groups = coloured(fitted, found), {}
-    for dof, regressor, curve in curves(found):
-        candidate = score(bench.training, fitted, NAMELESS, found.along(dof, curve))
-        if candidate.information > 0:
-            groups.setdefault((dof, regressor), []).append(candidate.column.ravel())
-    stacked = [np.stack(group, 1) for group in groups.values()]
-    if not stacked:
-        return 1.0, 0.0
-    p, gain = adjusted_groups(stacked, fitted.linear.off(fitted.point.residual).ravel(), background(fitted, found))
-    return float(p.min()), float(gain[np.argmin(p)])

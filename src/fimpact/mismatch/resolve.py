@@ -7,12 +7,13 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed
+from fimpact.mismatch.explain import Explanation, explain, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
-from fimpact.mismatch.name import Explanation, explain, sizes_of, weigh
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
 

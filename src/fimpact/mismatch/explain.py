@@ -1,0 +1,119 @@
+"""Explain: effects added to the model, everything refitted, and what that predicts of held-out windows."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fimpact.effects.base import Placed
+from fimpact.mismatch.colour import colour, disturbance, generalised
+from fimpact.mismatch.fit import Fit, fit, relinearised
+from fimpact.mismatch.judge import Bench, again, correct, settle, squares
+from fimpact.mismatch.problem import Linear, coordinates
+from fimpact.mismatch.pulses import Pulses
+from fimpact.mismatch.score import Candidate
+from fimpact.mismatch.simulate import Hypothesis
+
+SHAPE = 4.0  # price of a coefficient that has no meaning without an amplitude
+WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
+SHARPER = 2  # generalised steps from a fit by ordinary least squares
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The effects added, the fit, and the held-out windows under it; deviance: `explain`, or `weigh` where rivals were
+    weighed; weight: its share of belief among its rivals; dispersion: what their deviances were divided by."""
+
+    placed: tuple[Placed, ...]
+    fitted: Fit
+    judged: Fit
+    deviance: float
+    weight: float = 0.0
+    dispersion: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Names joined by +, in alphabetical order; "none" for the naive model."""
+        return "+".join(sorted(p.name for p in self.placed)) or "none"
+
+    @property
+    def parts(self) -> tuple[Fit, Fit]:
+        """Training and held-out windows."""
+        return self.fitted, self.judged
+
+
+def explain(fitted: Fit, judged: Fit) -> Explanation:
+    """An explanation with its deviance: squares of training and held-out windows, and its price."""
+    found = Explanation(fitted.point.hypothesis.placed, fitted, judged, 0.0)
+    return replace(found, deviance=float(squares(fitted).sum() + squares(judged).sum() + price(found)))
+
+
+def price(explanation: Explanation) -> float:
+    """log(samples) for each amplitude of an effect, as in Schwarz's criterion, and `SHAPE` for each shape: where the
+    data say nothing of it, it costs nothing to have it."""
+    samples = sum((part.point.residual != 0).sum() for part in explanation.parts)
+    shapes = [c.shape for p in explanation.placed for c in p.effect.coefficients]
+    return float(np.where(shapes, SHAPE, np.log(samples)).sum())
+
+
+def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:
+    """All coordinates together, to convergence; what is shared with the current fit is not linearised anew."""
+    problem, placed = bench.training, (*current.placed, candidate.start())
+    point = current.fitted.point
+    sizes = tuple(sizes_of(p) for p in (*current.placed, candidate.placed))
+    free = coordinates(problem.simulator, placed, sizes)
+    start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
+    new = range(len(current.fitted.coordinates.scale), len(free.scale))
+    base = problem.predict(start.hypothesis, point.qpos, point.qvel)
+    raw = np.concatenate([current.fitted.linear.raw, problem.columns(start, free, new, base)], 2)
+    linear = Linear(current.fitted.linear.basis, current.fitted.linear.triangle, raw, raw)
+    fitted = fit(problem, free, start, 12, replace(linear, projected=linear.off(raw)))
+    judged = settle(bench.held_out, fitted.point.hypothesis, current.judged.point, current.judged.linear)
+    offsets = problem.offset, bench.held_out.offset
+    found = numerics(bench, explain(fitted, judged))
+    problem.offset, bench.held_out.offset = offsets
+    return found
+
+
+def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Explanation:
+    """The explanation refitted with the effects `rest` only."""
+    problem, point = bench.training, current.fitted.point
+    free = coordinates(problem.simulator, rest, tuple(sizes_of(p) for p in rest))
+    start = problem.evaluate(Hypothesis(point.hypothesis.theta, rest), point.qpos, point.qvel, free)
+    fitted = fit(problem, free, start)
+    return explain(fitted, settle(bench.held_out, fitted.point.hypothesis, current.judged.point))
+
+
+def sizes_of(placed: Placed) -> dict[str, float]:
+    """A typical size of each value of a placed effect."""
+    return {name: abs(value) or 1e-6 for name, value in placed.values.items()}
+
+
+def numerics(bench: Bench, best: Explanation) -> Explanation:
+    """The explanation with the time step's error measured where it now is, refitted."""
+    fitted = again(bench, bench.training, best.fitted)
+    judged = settle(bench.held_out, fitted.point.hypothesis, best.judged.point, best.judged.linear)
+    judged = again(bench, bench.held_out, judged)
+    return replace(explain(fitted, judged), weight=best.weight, dispersion=best.dispersion)
+
+
+def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanation:
+    """The same explanation at its generalised optimum, disturbances in the training windows weighed as such."""
+    for _ in range(SHARPER):
+        fitted, parts = explanation.fitted, []
+        shade = colour(found, disturbance(fitted, found))
+        z = fitted.coordinates.read(fitted.point.hypothesis) + generalised([fitted], [shade]).step
+        hypothesis = fitted.coordinates.write(fitted.point.hypothesis, z)
+        problems = bench.training, bench.held_out
+        offsets = [problem.offset for problem in problems]
+        for problem, part in zip(problems, explanation.parts, strict=True):
+            near = settle(problem, hypothesis, part.point, part.linear)
+            correct(bench, problem, near.point)
+            parts.append(settle(problem, hypothesis, near.point, near.linear))
+        where = parts[0].point.qpos, parts[0].point.qvel
+        point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
+        if not point.cost < WORSE * fitted.point.cost:  # the step left the range in which its tangent holds
+            bench.training.offset, bench.held_out.offset = offsets
+            break
+        fitted = relinearised(bench.training, replace(fitted, point=point))
+        explanation = replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)
+    return explanation
