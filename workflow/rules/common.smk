@@ -26,7 +26,7 @@ MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout i
 EFFECTS = (
     "__init__ actuation amounts base contact drives environment friction native sensing sites structure transmission"
 )
-CORE = "__init__ colour evidence explain fit judge problem pulses scales score simulate starts".split()
+CORE = "__init__ colour evidence explain fit judge player problem pulses scales score simulate starts".split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
@@ -46,7 +46,7 @@ STAGES = {
     ],
     "diagnose": [*SHARED, *LAWS, "concealed/blind"]
     + [f"mismatch/{name}" for name in "calibrate callback diagnose discriminate locate model name".split()]
-    + [f"mismatch/{name}" for name in "nameless player resolve weigh".split()],
+    + [f"mismatch/{name}" for name in "nameless resolve weigh".split()],
     "peers": [*SHARED, *LAWS, "concealed/peers", "mismatch/blackbox", "mismatch/locate"],
     "score": [*SHARED, *LAWS, *RIGS, *(f"concealed/{name}" for name in "oracle places score seal".split())],
     "measures": ["__init__", "tables", "concealed/__init__", "concealed/lines", "concealed/measures"],
