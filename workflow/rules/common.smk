@@ -141,6 +141,11 @@ def part_of_cases(wildcards):
     return share(case_names(BENCHMARK), wildcards)
 
 
+def compared_cases(share="compared"):
+    """Params function: those of one part on which the slow comparators run."""
+    return lambda wildcards: sorted(set(compared(BENCHMARK, share)) & set(part_of_cases(wildcards)))
+
+
 def parts_of_cases(folder):
     """Files of all parts in `folder`."""
     return scattered(gather.cases, case_names(BENCHMARK), f"<concealed>/{folder}/{{scatteritem}}.jsonl")

@@ -89,8 +89,8 @@ rule peers:
         "<concealed>/logs/peers/{scatteritem}.log",
     threads: 1
     params:
-        compared=lambda wildcards: sorted(set(compared(BENCHMARK)) & set(part_of_cases(wildcards))),
-        refitted=lambda wildcards: sorted(set(compared(BENCHMARK, "refitted")) & set(part_of_cases(wildcards))),
+        compared=compared_cases(),
+        refitted=compared_cases("refitted"),
     message:
         "comparators on part {wildcards.scatteritem}"
     script:
@@ -111,6 +111,8 @@ rule score:
     log:
         "<concealed>/logs/score/{scatteritem}.log",
     threads: 1
+    params:
+        compared=compared_cases(),
     message:
         "open the seals of part {wildcards.scatteritem} and score"
     script:

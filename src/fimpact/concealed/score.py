@@ -3,7 +3,7 @@
 One row per case. The first columns are the published ones; the rest say what the claim's other lines need.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +31,14 @@ NOTHING = "none"
 SILENT: dict[str, Any] = {"answer": NOTHING, "answer_set": [NOTHING], "confidence": {}, "members": [], "seconds": {}}
 
 
-def score_case(case: str, truth: Truth, recording: Recording, told: dict[str, dict[str, Any]]) -> dict[str, Any]:
+def score_case(
+    case: str, truth: Truth, recording: Recording, told: dict[str, dict[str, Any]], oracle: bool = True
+) -> dict[str, Any]:
     """One row of `cases.csv`.
 
     Args:
         told: rows about this case by stage: ``diagnosis``, and where there are any ``resolved`` and ``peers``.
+        oracle: whether the oracle runs, as long as all of a diagnosis.
     """
     row = SILENT | told["diagnosis"]
     planted = planted_name(truth.effects)
@@ -56,7 +59,7 @@ def score_case(case: str, truth: Truth, recording: Recording, told: dict[str, di
         "located": _located(model, recording, truth, row, named),
         "heldout_before": evidence.get("before"),
         "heldout_after": evidence.get("after"),
-        "heldout_oracle": oracle_error(recording, truth) if truth.effects else evidence.get("before"),
+        "heldout_oracle": oracle_error(recording, truth) if oracle and truth.effects else None,
         "heldout_blackbox": told.get("peers", {}).get("heldout_blackbox"),
         "noise_floor": evidence.get("noise_floor"),
         "seconds": sum(row["seconds"].values()),
@@ -152,8 +155,10 @@ def _twin(truth: Truth, row, resolved) -> dict[str, Any]:
     return out
 
 
-def score_part(recordings: Path, sealed: Path, told: dict[str, Path], report: Report) -> list[dict[str, Any]]:
-    """Rows of `cases.csv` for one part; `told`: files of rows by stage.
+def score_part(
+    recordings: Path, sealed: Path, told: dict[str, Path], compared: Collection[str], report: Report
+) -> list[dict[str, Any]]:
+    """Rows of `cases.csv` for one part; `told`: files of rows by stage; `compared`: cases on which the oracle runs.
 
     Raises:
         ValueError: a seal does not match the hash that lies beside its recording.
@@ -162,7 +167,7 @@ def score_part(recordings: Path, sealed: Path, told: dict[str, Path], report: Re
 
     def work(case: str) -> dict[str, Any]:
         truth, known = open_seal(sealed, recordings, case), {s: r[case] for s, r in rows.items() if case in r}
-        return score_case(case, truth, load_recording(recordings, case), known)
+        return score_case(case, truth, load_recording(recordings, case), known, case in compared)
 
     return list(each(sorted(rows["diagnosis"]), work, report, strict=True))
 
