@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fimpact import tables
-
 COLUMNS = (
     "rig",
     "run",
@@ -48,7 +46,7 @@ def _of_rig(rig: str, diagnosis: Path | str, compared: Path | str | None) -> lis
 
 
 def _peers(path: Path | str) -> dict[str, dict[str, float]]:
-    table, out = tables.read(path).astype({"run": str}), {}
+    table, out = pd.read_csv(path, dtype={"run": str}), {}  # runs may be called 007
     for row in table[table.peer.isin(list(OF_PEERS))].itertuples():
         out.setdefault(row.run, {})[OF_PEERS[row.peer]] = row.error
     return out
@@ -56,7 +54,7 @@ def _peers(path: Path | str) -> dict[str, dict[str, float]]:
 
 def gather(compared: Mapping[str, Path | str]) -> pd.DataFrame:
     """The tables of `compare_recording` of all rigs, one below the other, with a column `rig` in front."""
-    parts = [tables.read(path).assign(rig=rig) for rig, path in compared.items()]
+    parts = [pd.read_csv(path, dtype={"run": str}).assign(rig=rig) for rig, path in compared.items()]
     table = pd.concat(parts, ignore_index=True)
     return table[["rig", *(column for column in table if column != "rig")]]
 
