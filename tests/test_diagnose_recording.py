@@ -1,6 +1,5 @@
 """From a case to its page: the same each time, and a model that needs nothing of ours."""
 
-import json
 import os
 import subprocess
 import sys
@@ -9,7 +8,13 @@ from pathlib import Path
 import pytest
 import yaml
 from test_cases import RECORDINGS, ROOT, write_csv
-from test_model import XML, record
+from test_model import XML, diagnosis_of, record
+
+from fimpact.cases import read_case
+from fimpact.diagnose_recording import diagnose_recording
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.mismatch.model import check_model, write_model
 
 CASE = {
     "model": "rod.xml",
@@ -36,19 +41,35 @@ def case(tmp_path_factory) -> Path:
     return folder / "case.yaml"
 
 
-def diagnosed(case: Path, out: Path, *options: str, seed: int = 0) -> Path:
-    """The folder that a process of its own wrote."""
-    command = [sys.executable, "-m", "fimpact.cli", "diagnose", case.name, "--out", str(out), *options]
-    environment = os.environ | {"PYTHONHASHSEED": str(seed)}
-    done = subprocess.run(command, cwd=case.parent, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return out
-
-
 def test_the_same_case_gives_the_same_bytes_in_another_process(case, tmp_path):
-    first, second = (diagnosed(case, tmp_path / name, seed=seed) for name, seed in (("one", 1), ("other", 2)))
-    files = {path.relative_to(first) for path in first.rglob("*") if path.is_file()}
-    assert {Path("diagnosis.json"), Path("report.html"), Path("figures/motion.gif")} <= files
-    assert files == {path.relative_to(second) for path in second.rglob("*") if path.is_file()}
+    one, other = tmp_path / "one", tmp_path / "other"
+    diagnose_recording(case, None, one, lambda line: None)
+    command = [sys.executable, "-m", "fimpact.cli", "diagnose", str(case), "--out", str(other)]
+    done = subprocess.run(command, env=os.environ | {"PYTHONHASHSEED": "1"}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    files = {path.relative_to(one) for path in one.rglob("*") if path.is_file()}
+    assert {Path(name) for name in ("diagnosis.json", "report.html", "figures/motion.gif", "improved.xml")} <= files
+    assert files == {path.relative_to(other) for path in other.rglob("*") if path.is_file()}
     for name in files:
-        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+
+
+PLAIN = """
+import sys; sys.modules["fimpact"] = None
+import mujoco, numpy as np
+model = mujoco.MjModel.from_xml_path("improved.xml")
+data = mujoco.MjData(model)
+for _ in range(100): mujoco.mj_step(model, data)
+assert np.isfinite(data.qpos).all()
+"""
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"the measured recordings are not there: {RECORDINGS}")
+def test_the_improved_model_of_a_rig_needs_plain_mujoco_only(tmp_path):
+    recording = read_case(ROOT / "config" / "recordings" / "ball_drops.yaml", RECORDINGS)
+    diagnosis = diagnosis_of(recording, Placed(EFFECTS["linear_drag"], "ball", {"coefficient": 0.01}))
+    assert diagnosis.evidence.after < 0.5 * diagnosis.evidence.before
+    written = write_model(diagnosis, tmp_path)
+    assert tmp_path / "improved.xml" in written
+    assert check_model(diagnosis, tmp_path) < 0.02
+    subprocess.run([sys.executable, "-c", PLAIN], cwd=tmp_path, check=True)
