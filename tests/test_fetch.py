@@ -16,7 +16,9 @@ CONTENT = bytes(range(256)) * 300
 SHA = hashlib.sha256(CONTENT).hexdigest()
 
 
-class _Handler(SimpleHTTPRequestHandler):
+class Handler(SimpleHTTPRequestHandler):
+    """Serves a folder without a word."""
+
     def log_message(self, *_):
         pass
 
@@ -26,7 +28,7 @@ def server(tmp_path_factory) -> Iterator[str]:
     """Address of a local server that has one file, log.bin."""
     folder = tmp_path_factory.mktemp("served")
     (folder / "log.bin").write_bytes(CONTENT)
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, directory=str(folder))) as served:
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=str(folder))) as served:
         threading.Thread(target=served.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{served.server_port}"
         served.shutdown()
