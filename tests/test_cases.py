@@ -23,7 +23,7 @@ from fimpact.cli import main
 
 ROOT = Path(__file__).parents[1]
 RECORDINGS = ROOT.parent / "shared" / "recordings"
-RIGS = sorted(path.stem for path in (ROOT / "config" / "recordings").glob("*.yaml"))
+RIGS = sorted(path.stem for path in (ROOT / "config" / "recordings").glob("*.yaml") if path.stem != "sources")
 
 MODEL = """<mujoco>
   <option timestep="0.002"/>
