@@ -77,7 +77,7 @@ def _played(time: np.ndarray) -> float:
 
 
 def _shots(diagnosis: Diagnosis, scenes: dict[str, Scene], readings, time) -> Iterator[np.ndarray]:
-    view = common_view([scenes["recorded"]])
+    view = common_view([scenes["recorded"]], every=1)
     figure, tops, bottoms = set_up(view, list(scenes), SIZE[0])
     figure.set_dpi(SIZE[1])
     for ax, scene in zip(tops, scenes.values(), strict=True):

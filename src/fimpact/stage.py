@@ -36,9 +36,9 @@ class View:
         return self.high - self.low
 
 
-def common_view(scenes: list[Scene]) -> View:
-    """The smallest view that holds the motion, the surfaces and the forces of all scenes."""
-    seen = [outline(s, g, t) for s in scenes for g in geoms(s) for t in range(0, len(s.time), 4)]
+def common_view(scenes: list[Scene], every: int = 4) -> View:
+    """The smallest view of the motion (one step in `every`), the surfaces and the forces of all scenes."""
+    seen = [outline(s, g, t) for s in scenes for g in geoms(s) for t in range(0, len(s.time), every)]
     points = np.concatenate([*seen, *(s.pivots for s in scenes)])
     middle = points.mean(0)
     feet = [middle - ((middle - at) @ normal) * normal for at, normal in surfaces(scenes[0])]
