@@ -293,6 +293,13 @@ def test_a_good_case_comes_back_in_si_units_on_its_grid(tmp_path, capsys):
     assert main(["check", str(path)]) == 0 and "good" in capsys.readouterr().out
 
 
+def test_a_case_depends_on_the_cases_that_it_extends(tmp_path):
+    path = write_case(tmp_path, CASE)
+    (tmp_path / "over.yaml").write_text(yaml.safe_dump({"extends": path.name, "window": 1.0}))
+    (tmp_path / "top.yaml").write_text(yaml.safe_dump({"extends": "over.yaml"}))
+    assert inputs(tmp_path / "top.yaml")[:3] == [tmp_path / "over.yaml", path, tmp_path / "arm.xml"]
+
+
 def test_a_doubt_that_is_meant_can_be_accepted(tmp_path):
     path = write_case(tmp_path, altered(accept=["sign"]))
     for file, columns in column("v2", np.negative).items():
