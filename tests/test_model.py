@@ -94,7 +94,7 @@ def test_a_law_without_a_field_runs_where_fimpact_is_not_installed(rubbing, tmp_
     assert done.stdout.strip() == "(5, 1)"
 
 
-@pytest.mark.parametrize("name", ["stribeck", "efficiency", "sensor_bias", "sensor_delay", "actuator_lag"])
+@pytest.mark.parametrize("name", ["stribeck", "efficiency", "sensor_bias", "sensor_delay", "command_delay"])
 def test_exported_laws_are_ours_step_by_step(rubbing, tmp_path, monkeypatch, name):
     made, effect = bench(rubbing), EFFECTS[name]
     simulator, windows, (qpos, qvel) = made.training.simulator, made.held_out.windows, made.held_out.starts

@@ -35,7 +35,7 @@ MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout i
 EFFECTS = (
     "__init__ actuation amounts base contact drives environment friction native sensing sites structure transmission"
 )
-CORE = "__init__ colour evidence explain fit judge problem pulses scales score simulate starts".split()
+CORE = "__init__ colour evidence explain fit judge player problem pulses scales score simulate starts".split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
@@ -43,7 +43,7 @@ RIGS = [
 CASE = "__init__ arrays case channels checks errors kinds load model physics readers ros runs start timebase units"
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
-NAMING = [f"mismatch/{name}" for name in "calibrate callback diagnose locate model name nameless player weigh".split()]
+NAMING = [f"mismatch/{name}" for name in "calibrate callback diagnose locate model name nameless weigh".split()]
 OTHERS = ["knobs", "peers", "mismatch/blackbox", "mismatch/locate"]
 STAGES = {
     "compile": MODEL,

@@ -9,7 +9,7 @@ from fimpact.effects.base import Coefficient, Effect, Signal
 from fimpact.effects.native import exporting
 from fimpact.effects.sites import ALL
 
-LEVELS = (0.9, 1.1, 1.3)  # of the root mean square force: about 0.6, 0.8 and 0.9 of the largest of a sine
+LEVELS = (0.3, 0.6, 0.8, 0.95)  # of the largest force
 
 
 def gain(model, site, change):
@@ -80,7 +80,7 @@ def _actuators(signal: Signal, site) -> list[int]:
 
 
 def _saturation_probes(scales, model, site):
-    return [{"limit": level * amounts.drive(scales, model, site)} for level in LEVELS]
+    return [{"limit": level * amounts.summit(scales, model, site)} for level in LEVELS]
 
 
 def _rotor_probes(scales, model, site):

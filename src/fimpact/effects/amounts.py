@@ -30,8 +30,12 @@ def travel(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
 
 def drive(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
     """Root mean square force of an actuator, before its gear, N or N m."""
-    row = model.actuator(actuator)
-    return float(max(scales.command[row.id], FLOOR) * max(abs(row.gainprm[0]), FLOOR))
+    return _actuation(scales.command, model, actuator)
+
+
+def summit(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
+    """Largest force of an actuator, before its gear, N or N m."""
+    return _actuation(scales.peak, model, actuator)
 
 
 def push(scales: Scales, model: mujoco.MjModel) -> float:
@@ -62,6 +66,11 @@ def directions(model: mujoco.MjModel, frame: np.ndarray | None = None) -> list[i
         return [0, 1, 2]
     still = int(np.argmax(np.abs(across if frame is None else frame.T @ across)))
     return [axis for axis in range(3) if axis != still]
+
+
+def _actuation(commands: np.ndarray, model, actuator: str) -> float:
+    row = model.actuator(actuator)
+    return float(max(commands[row.id], FLOOR) * max(abs(row.gainprm[0]), FLOOR))
 
 
 def _dof(model, joint: str) -> int:

@@ -10,7 +10,7 @@ from fimpact.effects import amounts, sites
 from fimpact.effects.base import Coefficient, Effect, Signal, State
 from fimpact.effects.drives import motor_force
 
-CYCLES = (2, 6, 12, 24)  # per turn: pole pairs, slots and teeth of usual drives
+CYCLES = range(2, 26, 2)  # per turn; further apart, what lies between two of them would be seen by neither
 EASING = 0.1  # of the root mean square torque, below which play is not taken up
 
 

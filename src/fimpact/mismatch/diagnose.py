@@ -58,7 +58,8 @@ def _verdict(naming: Naming, recording: Recording, location: Location, evidence:
     others = [m.name for m in naming.members[1:]]
     unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
     share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
-    return f"Missing: {found}. {share}{unsure}"
+    more = " Something beside it is missing that the catalogue cannot name." if naming.beside else ""
+    return f"Missing: {found}. {share}{unsure}{more}"
 
 
 def in_words(naming: Naming, recording: Recording, placed) -> str:

@@ -16,6 +16,7 @@ THOUSANDTH = 1e-3
 UNSEEN = 1e-6  # squared sensitivity to a coordinate's whole scale below which it is left where it is
 DAMPING = (1e-4, 1e6)
 SHRINK = 5.0  # by which a positive parameter may shrink in one step
+STUCK = 3.0  # times the median of the windows' squares
 FULL = 1e-3  # damping up to which a step is as long as it wants to be
 
 
@@ -125,6 +126,17 @@ def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations
         point = problem.evaluate(point.hypothesis, *mixed, coordinates)
         damping = np.where(better, damping / 10, np.minimum(damping * 30, DAMPING[1]))
     return point
+
+
+def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point:
+    """`point`, with windows that fit far worse than the others tried anew from what the measurements show: a start on
+    the wrong side of a contact does not find its way back."""
+    squares = (point.residual**2).sum(1)
+    if not (squares > STUCK * np.median(squares)).any():
+        return point
+    return _better(
+        point, settled(problem, coordinates, problem.evaluate(point.hypothesis, *problem.starts, coordinates))
+    )
 
 
 def precision_of(linear: Linear, coordinates: Coordinates) -> np.ndarray:

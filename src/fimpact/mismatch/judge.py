@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.mismatch.fit import Fit, first_point, fit, relinearised
+from fimpact.mismatch.fit import Fit, first_point, fit, relinearised, restarted
 from fimpact.mismatch.problem import NOTHING, Coordinates, Linear, Point, Problem
 from fimpact.mismatch.simulate import Hypothesis, Simulator, cut
 from fimpact.mismatch.starts import noise_level, start_states
@@ -80,6 +80,7 @@ def again(bench: Bench, problem: Problem, found: Fit) -> Fit:
         moved = correct(bench, problem, found.point)
         point = found.point
         start = problem.evaluate(point.hypothesis, point.qpos, point.qvel, found.coordinates)
+        start = restarted(problem, found.coordinates, start)
         found = fit(problem, found.coordinates, start, 12, found.linear, refresh=False)
         if moved < STILL:
             break

@@ -25,7 +25,7 @@ from fimpact.mismatch.weigh import both, dispersion, explained, members, predict
 
 ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
 FURTHER = 0.01  # the same for each further effect
-REFITS = 6  # candidates that are truly refitted in each step
+REFITS = 8  # candidates that are truly refitted in each step
 EASY, MORE = 20, 24  # windows up to which that costs little, and how many are refitted then
 RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
@@ -36,6 +36,7 @@ UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leav
 WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
 CERTAIN = 0.02  # family-wise p at which a force without a name is there beside the best named answer
 SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
+EVEN = 0.5  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 LARGEST = 3  # effects that are added, at most
 
 
@@ -87,15 +88,22 @@ class Naming:
     @property
     def answer(self) -> str:
         """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance."""
-        forced = self.nameless[1] <= CERTAIN and self.left > UNNAMED
+        forced = self.beside and self.left > UNNAMED
         wild = self.dispersion > WILD and not self.best.placed and len(self.pulses.time) >= FEW
         return "unnamed" if forced or wild else self.best.name
 
     @property
+    def beside(self) -> bool:
+        """Whether a force without a name is there beside the best answer."""
+        return self.nameless[1] <= CERTAIN
+
+    @property
     def answer_set(self) -> list[str]:
-        """The answer and the names that the recordings cannot tell from it."""
+        """The answer, the names that the recordings cannot tell from it, and "unnamed" where not all has a name."""
         names = [m.name for m in self.members]
-        return ["unnamed", *names] if self.answer == "unnamed" else names or [self.answer]
+        if self.answer == "unnamed":
+            return ["unnamed", *names]
+        return [*names, "unnamed"] if names and self.beside else names or [self.answer]
 
     @property
     def confidence(self) -> dict[str, float]:
@@ -135,6 +143,14 @@ class Search:
     held_out: Pulses
     progress: Callable[[str], None]
 
+    def ranked(self, rivals: list[Explanation]) -> list[Explanation]:
+        """Rivals by weight; of those that the data find about equal, the first of the catalogue leads."""
+        weighed = weigh(self.bench, self.pulses, self.held_out, rivals)
+        order = [c.placed.effect.name for c in self.candidates]
+        even = [r for r in weighed if r.weight >= EVEN * weighed[0].weight]
+        first = min(even, key=lambda r: order.index(r.placed[-1].effect.name), default=None)
+        return sorted(weighed, key=lambda r: r is not first)
+
 
 def _step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS) -> Step:
     """Screen, and refit what is significant and predicted to gain more than `least`, the best `refits` of it."""
@@ -155,7 +171,7 @@ def _step(search: Search, current: Explanation, least: float = 0.0, refits: int 
         progress(f"refitting with {candidate.placed.name}")
         rivals.append(refit(bench, current, candidate))
     rivals = [r for r in rivals if np.isfinite(r.deviance)]
-    return replace(step, rivals=weigh(bench, search.pulses, search.held_out, rivals))
+    return replace(step, rivals=search.ranked(rivals))
 
 
 def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
@@ -187,7 +203,7 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
             return [replace(reduced, weight=1.0)]
         found = _step(search, reduced, refits=SWAPS).rivals
         known = {r.name for r in rivals}
-        rivals = weigh(bench, search.pulses, search.held_out, rivals + [r for r in found if r.name not in known])
+        rivals = search.ranked(rivals + [r for r in found if r.name not in known])
     return rivals
 
 

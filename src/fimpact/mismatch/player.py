@@ -12,6 +12,7 @@ from fimpact.effects.base import Signal, State
 EDITS, FORCES, FRICTIONS, COMMANDS, MEASUREMENTS = [], [], [], [], []
 PERIOD = 0.0
 PAST = 0  # rows of commands that actuators with a lag or delay remember
+FINER = 16  # pieces of a step in which a law between command and motor is evaluated
 CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, ROTOR, GAINS = (), (), (), (), (), ()
 
 
@@ -32,9 +33,13 @@ class Stepper:
         self.model, self.data, self.memory, self.before = model, data, {}, None
         self.own = np.array(model.dof_frictionloss)
 
-    def step(self, ctrl):
+    def step(self, ctrl, instant=None):
         """Hold the commands `ctrl` (nu,) over one time step; the added forces go to `data.qfrc_applied`,
-        and dry friction that changes to `model.dof_frictionloss` for the time of the step."""
+        and dry friction that changes to `model.dof_frictionloss` for the time of the step.
+
+        Returns:
+            What the sensors read at its start, (nsensordata,), where the commands are `instant` (nu,).
+        """
         model, data = self.model, self.data
         data.ctrl[:] = ctrl
         now = np.concatenate([data.qpos, data.qvel])
@@ -51,9 +56,14 @@ class Stepper:
             # Unequal limits are equal ones beside a constant force.
             model.dof_frictionloss[dof] += (forward + backward) / 2
             data.qfrc_applied[dof] += (backward - forward) / 2
-        self.before = now
+        self.before, read = now, None
+        if instant is not None:
+            data.ctrl[:] = instant
+            mujoco.mj_forward(model, data)
+            read, data.ctrl[:] = data.sensordata.copy(), ctrl
         mujoco.mj_step(model, data)
         model.dof_frictionloss[:] = self.own
+        return data.sensordata.copy() if read is None else read
 
 
 def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
@@ -65,7 +75,7 @@ def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
     """
     samples = samples or len(ctrl) - first
     substeps = round(PERIOD / model.opt.timestep)
-    drive = commands(ctrl, substeps)
+    drive, instant = commands(ctrl, substeps)
     data, begin = mujoco.MjData(model), first * substeps
     for k in range(max(begin - PAST * substeps, 0), begin):
         data.time, data.qpos[:], data.qvel[:] = k * model.opt.timestep, qpos, qvel
@@ -75,19 +85,23 @@ def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
     columns = [_column(model, channel) for channel in CHANNELS]
     stepper, rows = Stepper(model, data), []
     for k in range(samples * substeps):
-        stepper.step(drive[min(begin + k, len(drive) - 1)])
+        row = min(begin + k, len(drive) - 1)
+        read = stepper.step(drive[row], instant[row] if COMMANDS and k % substeps == 0 else None)
         if k % substeps == 0:
-            rows.append(data.sensordata[columns].copy())
+            rows.append(read[columns])
     return measurements(np.array(rows), ctrl, first)
 
 
 def commands(ctrl, substeps):
-    """The commands that reach the plant, (T * substeps, nu), when `ctrl` (T, nu) is sent."""
-    drive = np.repeat(np.asarray(ctrl, float), substeps, 0)[None]
-    time = np.arange(drive.shape[1])[None] * PERIOD / substeps
+    """The commands that reach the plant, mean and first of each step, (T * substeps, nu) each, when `ctrl` (T, nu) is
+    sent."""
+    pieces = substeps * (FINER if COMMANDS else 1)
+    drive = np.repeat(np.asarray(ctrl, float), pieces, 0)[None]
+    time = np.arange(drive.shape[1])[None] * PERIOD / pieces
     for law, site, values in COMMANDS:
         drive = law(drive, _signal(time, drive), site, **values)
-    return drive[0]
+    steps = drive[0].reshape(len(ctrl) * substeps, -1, drive.shape[2])
+    return steps.mean(1), steps[:, 0]
 
 
 def measurements(read, ctrl, first=0):

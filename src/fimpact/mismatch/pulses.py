@@ -78,7 +78,8 @@ def dof_names(model: mujoco.MjModel) -> tuple[str, ...]:
 
 def curves(found: Pulses) -> list[tuple[int, str, np.ndarray]]:
     """(degree of freedom, regressor, force (w, BINS)) of smooth bumps over each regressor's range: own position and
-    speed, time, friction over position and time, every command, and direction of motion while in contact."""
+    speed, time, friction over position and time, every command, and while in contact direction of motion and position.
+    """
     out = []
     for dof in range(len(found.dofs)):
         against = np.sign(found.qvel[..., dof])
@@ -86,16 +87,19 @@ def curves(found: Pulses) -> list[tuple[int, str, np.ndarray]]:
         if found.qpos.shape[2] == found.qvel.shape[2]:
             over["position"] = found.qpos[..., dof]
         regressors = {"speed": found.qvel[..., dof], **over}
-        out += [(dof, name, bump) for name, x in regressors.items() for bump in _bumps(x)]
-        out += [(dof, f"friction over {name}", against * bump) for name, x in over.items() for bump in _bumps(x)]
+        out += [(dof, name, bump) for name, x in regressors.items() for bump in bumps(x)]
+        out += [(dof, f"friction over {name}", against * bump) for name, x in over.items() for bump in bumps(x)]
         out += [(dof, "commands", command) for command in found.ctrl.transpose(2, 0, 1)]
         touching = found.mode != "free"
         if touching.any() and not touching.all():
-            out += [(dof, "contact", touching * 1.0), (dof, "contact", touching * np.sign(found.qvel[..., dof]))]
+            out += [(dof, "contact", touching * 1.0), (dof, "contact", touching * against)]
+            places = bumps(over["position"]) if "position" in over else []
+            out += [(dof, "contact over position", touching * bump) for bump in places]
     return out
 
 
-def _bumps(x: np.ndarray) -> list[np.ndarray]:
+def bumps(x: np.ndarray) -> list[np.ndarray]:
+    """Smooth bumps over the range of `x`, each of its shape."""
     centres = np.quantile(x, (np.arange(BUMPS) + 0.5) / BUMPS)
     width = max(np.diff(centres).mean(), 1e-9)
     return [np.exp(-0.5 * ((x - centre) / width) ** 2) for centre in centres]

@@ -15,6 +15,7 @@ def scales(problem: Problem, point: Point) -> Scales:
     simulator, windows = problem.simulator, problem.windows
     qpos, qvel = simulator.motion(point.hypothesis, windows, point.qpos, point.qvel)
     model = simulator.model(point.hypothesis)
+    ctrl = windows.ctrl.reshape(windows.ctrl.shape[0] * windows.ctrl.shape[1], model.nu)
     travel = (qpos - qpos.mean((0, 1))).reshape(-1, model.nq)
     moving = model.body_mass[model.body_weldid > 0]
     gravity = float(np.linalg.norm(model.opt.gravity))
@@ -22,7 +23,8 @@ def scales(problem: Problem, point: Point) -> Scales:
         force=_force(model, qpos, qvel),
         speed=_rms(qvel.reshape(-1, model.nv)),
         travel=_rms(travel)[_position_of_dof(model)],
-        command=_rms(windows.ctrl.reshape(windows.ctrl.shape[0] * windows.ctrl.shape[1], model.nu)),
+        command=_rms(ctrl),
+        peak=np.abs(ctrl).max(0, initial=0.0),
         measured=np.nanstd(windows.measured.reshape(-1, windows.measured.shape[2]), 0),
         mass=float(moving.sum()),
         length=float(model.stat.extent),

@@ -15,6 +15,7 @@ from mujoco.rollout import Rollout
 
 from fimpact.effects.base import Placed, Signal, State
 from fimpact.effects.native import editable
+from fimpact.mismatch.player import FINER
 from fimpact.recordings import FIELDS, Recording, Run
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
@@ -109,11 +110,12 @@ class Simulator:
         """
         model = self.model(hypothesis)
         signal = self._signal(windows, windows.length * self.substeps)
-        ctrl = self._commands(hypothesis, windows, signal)
+        ctrl, instant = self._commands(hypothesis, windows, signal)
         force = np.zeros((1, ctrl.shape[1], model.nv)) if push is None else np.repeat(push, self.substeps, 1)
         laws = [placed for placed in hypothesis.placed if placed.effect.enters in ("force", "friction")]
         run = self._lockstep if laws else self._rollout
-        sensed = run(model, signal, ctrl, np.broadcast_to(force, (len(ctrl), *force.shape[1:])), qpos, qvel, laws)
+        force = np.broadcast_to(force, (len(ctrl), *force.shape[1:]))
+        sensed = run(model, signal, ctrl, instant, force, qpos, qvel, laws)
         measured = sensed[:, :: self.substeps, self.columns]
         coarse = self._signal(windows, windows.length, self.recording.period)
         for placed in hypothesis.placed:
@@ -124,16 +126,23 @@ class Simulator:
     def motion(self, hypothesis, windows: Windows, qpos, qvel) -> tuple[np.ndarray, np.ndarray]:
         """qpos (w, n, nq) and qvel (w, n, nv) after each of the n simulation steps, force laws left out."""
         model, signal = self.model(hypothesis), self._signal(windows, windows.length * self.substeps)
-        ctrl = self._commands(hypothesis, windows, signal)
+        ctrl = self._commands(hypothesis, windows, signal)[0]
         control = np.concatenate([ctrl, np.zeros((*ctrl.shape[:2], model.nv))], 2)
         state = self._engine.rollout(model, self.data, self._pack(qpos, qvel), control, control_spec=CONTROL)[0]
         return state[:, :, 1 : 1 + model.nq], state[:, :, 1 + model.nq : 1 + model.nq + model.nv]
 
-    def _rollout(self, model, signal, ctrl, force, qpos, qvel, laws):
-        control = np.concatenate([ctrl, force], 2)
-        return self._engine.rollout(model, self.data, self._pack(qpos, qvel), control, control_spec=CONTROL)[1]
+    def _rollout(self, model, signal, ctrl, instant, force, qpos, qvel, laws):
+        control, start = np.concatenate([ctrl, force], 2), self._pack(qpos, qvel)
+        state, sensed = self._engine.rollout(model, self.data, start, control, control_spec=CONTROL)
+        if instant is not None:
+            before = np.concatenate([start[:, None], state[:, :-1]], 1)[:, :: self.substeps]
+            control[:, :, : model.nu] = instant
+            flat = (part.reshape(-1, 1, part.shape[2]) for part in (before, control[:, :: self.substeps]))
+            read = self._engine.rollout(model, self.data, next(flat)[:, 0], next(flat), control_spec=CONTROL)[1]
+            sensed[:, :: self.substeps] = read.reshape(*before.shape[:2], -1)
+        return sensed
 
-    def _lockstep(self, model, signal, ctrl, force, qpos, qvel, laws):
+    def _lockstep(self, model, signal, ctrl, instant, force, qpos, qvel, laws):
         state, memory = self._pack(qpos, qvel), {}
         before, after, (w, steps) = state, np.empty((len(state), 1, state.shape[1])), ctrl.shape[:2]
         sensed = np.empty((steps, w, 1, model.nsensordata))
@@ -162,6 +171,9 @@ class Simulator:
             control = np.concatenate([ctrl[:, k], pull], 1)[:, None]
             sizes = {"nstep": 1, "control_spec": CONTROL, "skip_checks": True}
             self._engine.rollout(models, [self.data], state, control, state=after, sensordata=sensed[k], **sizes)
+            if instant is not None and k % self.substeps == 0:
+                control[:, 0, : model.nu] = instant[:, k]
+                self._engine.rollout(models, [self.data], state, control, sensordata=sensed[k], **sizes)
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].transpose(1, 0, 2)
 
@@ -185,17 +197,24 @@ class Simulator:
         rotor = tuple(float(model.joint(name).armature[0]) if name else 0.0 for name in joints)
         return Signal(time, ctrl, self.recording.channels, actuators, ctrl * gear, joints, driven, rotor)
 
-    def _commands(self, hypothesis: Hypothesis, windows: Windows, signal: Signal) -> np.ndarray:
+    def _commands(self, hypothesis: Hypothesis, windows: Windows, signal: Signal) -> tuple:
+        """Mean command over each step, (w, n, nu), and that at its start if a law makes them differ, else None.
+
+        A delay or a lag may be shorter than a step: what the motor gives then changes within it, and a force sensor
+        that is read at its start knows nothing yet of its end.
+        """
         laws = [placed for placed in hypothesis.placed if placed.effect.enters == "command"]
         if not laws:
-            return signal.ctrl
+            return signal.ctrl, None
         # Whole runs, because a window's first commands depend on those before it.
-        ctrl = np.repeat(windows.ctrl, self.substeps, 1)
-        time = np.broadcast_to(np.arange(ctrl.shape[1]) * self.base.opt.timestep, ctrl.shape[:2])
+        ctrl = np.repeat(windows.ctrl, self.substeps * FINER, 1)
+        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.base.opt.timestep / FINER), ctrl.shape[:2])
         for placed in laws:
             ctrl = placed.effect.law(ctrl, self.describe(time, ctrl), placed.site, **placed.values)
+        pieces = ctrl.reshape(len(ctrl), -1, FINER, ctrl.shape[2])
         steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
-        return ctrl[windows.runs[:, None], steps]
+        rows = windows.runs[:, None], steps
+        return pieces.mean(2)[rows], pieces[:, :, 0][rows]
 
 
 def _act(law: Placed, seen: State, pull: np.ndarray, limits: np.ndarray) -> None:
