@@ -73,12 +73,23 @@ def test_errors_per_run_are_in_the_unit_of_the_measurement(dry):
     assert all(2e-5 < floor < 2e-4 for floor in floors.values())
 
 
-def test_channels_of_several_units_are_told_in_standard_deviations():
-    sensors = '<jointpos name="angle" joint="pivot"/><jointvel name="rate" joint="pivot"/>'
+def test_channels_of_several_units_are_told_in_the_one_that_most_have(dry):
+    sensors = '<jointvel name="rate" joint="pivot"/><jointpos name="angle" joint="pivot"/>'
     xml = XML.replace('<jointpos name="angle" joint="pivot"/>', sensors)
-    both = replace(record(0.0, xml), channels=("angle", "rate"), noise=np.array([2e-4, 0.01]))
-    runs = [replace(run, measured=np.repeat(run.measured, 2, 1)) for run in both.runs]
-    assert unit_of(bench(replace(both, runs=tuple(runs)))) == NOISE
+    channels = {"rad/s": ("rate", "angle"), "rad": ("angle", "rate")}
+    for unit, names in channels.items():
+        runs = tuple(replace(run, measured=np.repeat(run.measured, 2, 1)) for run in dry.runs)
+        noise = np.array([0.01 if name == "rate" else 2e-4 for name in names])
+        made = bench(replace(dry, xml=xml, channels=names, noise=noise, runs=runs))
+        assert unit_of(made) == unit
+        assert max(floor_per_run(made).values()) < noise[0]
+        assert min(floor_per_run(made).values()) > 0.5 * noise[0]
+
+
+def test_channels_without_a_unit_are_told_in_standard_deviations(dry, monkeypatch):
+    monkeypatch.setattr("fimpact.mismatch.per_run.channel_unit", lambda model, channel: "")
+    made = bench(dry)
+    assert unit_of(made) == NOISE and all(0.5 < floor < 1 for floor in floor_per_run(made).values())
 
 
 @pytest.fixture
