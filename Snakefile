@@ -6,6 +6,9 @@
 #   snakemake reference                              replace the committed tables by those just made
 #   snakemake concealed                              the blind benchmark, as config/concealed.yaml has it
 #   snakemake concealed --configfile config/concealed-smoke.yaml                   the same graph on twelve cases
+#   snakemake recordings                             diagnose and compare every case of config/recordings
+#   snakemake results/recordings/CASE/report.html    one of them
+#   snakemake fetch_all                              the data files that are published as the cases read them
 from snakemake.utils import min_version
 
 min_version("9.27")
@@ -13,6 +16,7 @@ min_version("9.27")
 
 configfile: "config/config.yaml"
 configfile: "config/concealed.yaml"
+configfile: "config/recordings.yaml"
 
 
 include: "workflow/rules/common.smk"
@@ -22,6 +26,7 @@ pathvars:
     results=config["results"],
     tables=config.get("tables", config["results"]),
     concealed=BENCHMARK["results"],
+    recordings=config["recordings"]["results"],
     concealed_tables=BENCHMARK.get("tables", BENCHMARK["results"]),
 
 
@@ -43,6 +48,9 @@ localrules:
     reference,
     concealed,
     concealed_reference,
+    fetch_all,
+    recordings,
+    recordings_reference,
 
 
 rule all:
@@ -53,3 +61,4 @@ rule all:
 include: "workflow/rules/experiments.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/concealed.smk"
+include: "workflow/rules/recordings.smk"

@@ -23,7 +23,7 @@ from fimpact.cli import main
 
 ROOT = Path(__file__).parents[1]
 RECORDINGS = ROOT.parent / "shared" / "recordings"
-RIGS = sorted(path.stem for path in (ROOT / "config" / "recordings").glob("*.yaml"))
+RIGS = sorted(path.stem for path in (ROOT / "config" / "recordings").glob("*.yaml") if path.stem != "sources")
 
 MODEL = """<mujoco>
   <option timestep="0.002"/>
@@ -291,6 +291,13 @@ def test_a_good_case_comes_back_in_si_units_on_its_grid(tmp_path, capsys):
     assert model.nsensor == 3 and (recording.period / model.opt.timestep) % 1 == pytest.approx(0)
     assert inputs(path) == [tmp_path / "arm.xml", tmp_path / "a.csv", tmp_path / "b.csv"]
     assert main(["check", str(path)]) == 0 and "good" in capsys.readouterr().out
+
+
+def test_a_case_depends_on_the_cases_that_it_extends(tmp_path):
+    path = write_case(tmp_path, CASE)
+    (tmp_path / "over.yaml").write_text(yaml.safe_dump({"extends": path.name, "window": 1.0}))
+    (tmp_path / "top.yaml").write_text(yaml.safe_dump({"extends": "over.yaml"}))
+    assert inputs(tmp_path / "top.yaml")[:3] == [tmp_path / "over.yaml", path, tmp_path / "arm.xml"]
 
 
 def test_a_doubt_that_is_meant_can_be_accepted(tmp_path):

@@ -10,7 +10,8 @@ from PIL import Image
 
 from fimpact import curve, examples, figures, truth
 from fimpact.looks import log_places, power
-from fimpact.scene import Scene, contacts, outline, plane_of_motion, replay, surfaces
+from fimpact.replay import replay
+from fimpact.scene import Scene, contacts, outline, plane_of_motion, surfaces
 
 
 @pytest.fixture

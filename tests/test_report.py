@@ -1,5 +1,6 @@
 """The page stands alone, says what was found, is the same each time, and is never half written."""
 
+import base64
 import json
 import re
 
@@ -43,10 +44,9 @@ def written(diagnosis, tmp_path_factory):
 
 def test_the_folder_holds_page_data_figures_and_model(written):
     assert {p.name for p in written.iterdir()} == {"report.html", "diagnosis.json", "figures", "improved.xml"}
+    figures = ("overlay", "mechanism", "timeline", "state", "candidates")
     names = {p.name for p in (written / "figures").iterdir()}
-    assert names == {
-        f"{n}.{s}" for n in ("overlay", "mechanism", "timeline", "state", "candidates") for s in ("svg", "png")
-    }
+    assert names == {"motion.gif", *(f"{figure}.{kind}" for figure in figures for kind in ("svg", "png"))}
     assert [p.name for p in written.parent.iterdir()] == [written.name]
 
 
@@ -58,6 +58,27 @@ def test_the_page_needs_no_network_and_no_script(written):
     ids = re.findall(r'\bid="([^"]+)"', page)
     assert len(ids) == len(set(ids))
     assert set(re.findall(r'(?:href="#|url\(#)([^")]+)', page)) <= set(ids)
+
+
+def test_the_film_is_on_the_page_which_stays_small(written):
+    page = (written / "report.html").read_text(encoding="utf-8")
+    film = (written / "figures" / "motion.gif").read_bytes()
+    assert f'src="data:image/gif;base64,{base64.b64encode(film).decode()}"' in page
+    assert len(page.encode()) - len(film) * 4 / 3 < 1e6 and len(film) < 1.5e6
+
+
+def test_where_nothing_can_be_drawn_the_page_says_so(diagnosis, tmp_path, monkeypatch):
+    monkeypatch.setattr(report, "draw_film", lambda *_: "No film: how elbow stood was not measured.")
+    page = write_report(diagnosis, tmp_path / "blind", provenance={}).read_text(encoding="utf-8")
+    assert "No film: how elbow stood was not measured." in page and "data:image/gif" not in page
+    assert json.loads((tmp_path / "blind" / "diagnosis.json").read_text())["film"]["file"] == ""
+
+
+def test_every_held_out_run_has_its_errors_in_the_unit_of_the_measurement(written, diagnosis):
+    found = json.loads((written / "diagnosis.json").read_text(encoding="utf-8"))["held_out"]
+    assert found["unit"] == "rad" and [row["run"] for row in found["runs"]] == ["run 4", "run 5"]
+    mean = [np.sqrt(np.mean([row[name] ** 2 for row in found["runs"]])) for name in ("error_naive", "error_improved")]
+    assert mean == pytest.approx(diagnosis.evidence.by_channel["angle"], rel=1e-6)
 
 
 def test_the_page_says_what_was_found(written, diagnosis):

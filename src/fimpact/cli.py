@@ -6,6 +6,7 @@ argparse, because it ends with exit code 2 on bad usage as everything here does 
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from fimpact.cases.errors import CaseError, reason
@@ -84,16 +85,12 @@ def _init(options: argparse.Namespace) -> None:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    from fimpact.cases import inputs, read_case
-
-    recording = read_case(options.case, options.data)
-    from fimpact.mismatch.diagnose import diagnose
-    from fimpact.report import describe_inputs, write_report
+    from fimpact.diagnose_recording import diagnose_recording
 
     out = options.out or Path("results") / "recordings" / options.case.stem
-    found = diagnose(recording, lambda line: print(line, file=sys.stderr, flush=True))
-    files = [options.case, *inputs(options.case, options.data)]
-    print(f"page: {write_report(found, out, provenance=describe_inputs(files))}")
+    progress = partial(print, file=sys.stderr, flush=True)
+    found, page = diagnose_recording(options.case, options.data, out, progress)
+    print(f"page: {page}")
     print(found.verdict)
 
 

@@ -30,6 +30,23 @@ def check(config: dict, schema: Path) -> None:
         raise ValueError(f"configuration: {complaint} (all keys: config/README.md)")
 
 
+def check_keys(config: dict, schema: Path, **names: list[str]) -> None:
+    """Check a table against its JSON schema alone.
+
+    Args:
+        names: by the definition of the schema that stands for it, the names that are known only here.
+
+    Raises:
+        ValueError: one line that names the first wrong key, its value, and what is allowed.
+    """
+    rules = yaml.safe_load(schema.read_text())
+    for definition, known in names.items():
+        rules["$defs"][definition] = {"enum": known}
+    error = most_telling(Draft202012Validator(rules).iter_errors(config))
+    if error:
+        raise ValueError(f"configuration: {in_words(error)} (all keys: config/README.md)")
+
+
 def _with_systems(schema: dict, config: dict) -> dict:
     known, declared = sorted(path.stem for path in MJCF.glob("*.xml")), config.get("systems")
     names = {"enum": list(declared) if isinstance(declared, dict) else known}

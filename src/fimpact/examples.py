@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from PIL import Image
 
+from fimpact.gif import write_gif
 from fimpact.looks import STYLE, WIDTH, save
-from fimpact.scene import Scene, replay
+from fimpact.replay import replay
+from fimpact.scene import Scene
 from fimpact.stage import (
     BODY,
     CHANNELS,
@@ -75,20 +76,8 @@ def picture(system: System, scenes: dict[str, Scene], path: Path | str) -> None:
 
 def film(system: System, scenes: dict[str, Scene], path: Path | str) -> None:
     """Write both scenes side by side as a GIF, slowed down to four seconds."""
-    palette = _palette()
-    shots = (Image.fromarray(shot) for shot in _shots(system, scenes))
-    frames = [shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
-    pause = [1000 // RATE] * (len(frames) - 1) + [1500]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=pause, loop=0, optimize=False)
-
-
-def _palette() -> Image.Image:
-    # The colours we draw with, each fading to white: one found by counting pixels would lose the thin force arrows.
-    inks = [to_rgb(ink) for ink in ("black", BODY, FORCE, *(colour for colour, _ in CHANNELS))]
-    fades = [1 - (1 - np.array(ink)) * share for ink in inks for share in np.linspace(0, 1, 12)]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(np.rint(255 * np.array(fades)).astype(int).ravel().tolist())
-    return palette
+    inks = ["black", BODY, FORCE, *(colour for colour, _ in CHANNELS)]
+    write_gif(_shots(system, scenes), inks, RATE, path)
 
 
 def _strobe(ax: Axes, below: Axes, scene: Scene) -> None:
@@ -120,7 +109,7 @@ def _set_up(system: System, scenes: dict[str, Scene], width: float) -> tuple[Vie
     for ax, below, scene in zip(tops, bottoms, scenes.values(), strict=True):
         draw_world(ax, scene, view)
         draw_scale(ax, draw_forces(ax, scene, [], view), view)
-        draw_signal(below, system, scene, view)
+        draw_signal(below, system.sensor.channels, scene, view)
     bottoms[0].set_ylabel(f"{system.sensor.name}\n({system.sensor.unit.replace('^2', '²')})")
     bottoms[0].legend(frameon=False, fontsize=8, handlelength=1.8)
     return view, figure, tops, bottoms

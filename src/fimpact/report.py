@@ -1,5 +1,6 @@
 """The page: what a diagnosis found, for someone who has a minute. One HTML file, without a network or a script."""
 
+import base64
 import hashlib
 import json
 import os
@@ -18,13 +19,16 @@ import mujoco
 import numpy as np
 from markupsafe import Markup
 
+from fimpact.film import draw_film
 from fimpact.mismatch.diagnose import Diagnosis, parameter_rows, to_json
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.model import ASSETS, CALLBACK, XML, check_model, refusal, write_model
+from fimpact.mismatch.per_run import error_per_run, floor_per_run, unit_of
 from fimpact.mismatch.shape import shapes
-from fimpact.report_figures import channel_unit, inline, pictures, shown_run, store
+from fimpact.report_figures import inline, pictures, shown_run, store
+from fimpact.units import channel_unit
 
-PAGE, DATA, FIGURES = "report.html", "diagnosis.json", "figures"
+PAGE, DATA, FIGURES, FILM = "report.html", "diagnosis.json", "figures", "motion.gif"
 OURS = {PAGE, DATA, FIGURES, XML, CALLBACK, ASSETS}
 DIGITS = 10  # significant, in the JSON: beyond them results are not reproducible
 SHAPES = 3  # of an unnamed force that are told
@@ -90,13 +94,20 @@ def _fill(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) -> 
     for name, figure in drawn.items():
         store(figure, folder / FIGURES / name)
     images = {name: inline(figure, name) for name, figure in drawn.items()}
+    images["film"] = _embedded(folder / content["film"]["file"]) if content["film"]["file"] else ""
     for figure in drawn.values():
         plt.close(figure)
     (folder / PAGE).write_text(_page(diagnosis, content, images), encoding="utf-8")
 
 
+def _embedded(path: Path) -> str:
+    code = base64.b64encode(path.read_bytes()).decode()
+    return f'<img alt="Recorded, naive and improved motion side by side" src="data:image/gif;base64,{code}">'
+
+
 def contents(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything on the page in plain types; writes the improved model to `folder` if held-out data bear it out."""
+    """Everything on the page in plain types; writes the film to `folder`, and the improved model if held-out
+    data bear it out."""
     written = write_model(diagnosis, folder)
     exported = {
         "files": sorted(path.relative_to(folder).as_posix() for path in written),
@@ -110,7 +121,25 @@ def contents(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) 
         for p in member.placed
     ]
     found = {"model": exported, "effects": effects, "alike": alike(diagnosis), "shapes": _shapes(diagnosis)}
+    found |= {"held_out": held_out(diagnosis), "film": _film(diagnosis, folder)}
     return {**to_json(diagnosis), **found, "provenance": {"versions": _versions(), **provenance}}
+
+
+def _film(diagnosis: Diagnosis, folder: Path) -> dict[str, Any]:
+    reason = draw_film(diagnosis, folder / FIGURES / FILM)
+    return {"file": "" if reason else f"{FIGURES}/{FILM}", "reason": reason}
+
+
+def held_out(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Error of every held-out run under the naive and the improved model, with its noise floor and the one unit."""
+    made, naming = diagnosis.bench, diagnosis.naming
+    naive, improved = (error_per_run(made, explanation.judged) for explanation in (naming.naive, naming.best))
+    floor = floor_per_run(made)
+    rows = [
+        {"run": run, "error_naive": naive[run], "error_improved": improved[run], "noise_floor": floor[run]}
+        for run in naive
+    ]
+    return {"unit": unit_of(made), "runs": rows}
 
 
 def _shapes(diagnosis: Diagnosis) -> list[dict[str, Any]]:

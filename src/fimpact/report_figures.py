@@ -18,6 +18,7 @@ from fimpact.looks import STYLE, log_ticks, save
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import squares
+from fimpact.units import channel_unit
 
 # Okabe-Ito; ink, quiet and paper change places in a dark page.
 INK, QUIET, FAINT, PAPER = "#1a1a1a", "#6f6f6f", "#dcdcdc", "#ffffff"
@@ -42,26 +43,6 @@ POINTS = 1500  # of a line
 CLOUD = 900  # points in a scatter
 COLUMNS = 40  # of the timeline, at least
 GROUPS = 12  # over which its medians are taken
-
-S = mujoco.mjtSensor
-UNITS = {
-    S.mjSENS_ACCELEROMETER: "m/s²", S.mjSENS_VELOCIMETER: "m/s", S.mjSENS_GYRO: "rad/s", S.mjSENS_FORCE: "N",
-    S.mjSENS_TORQUE: "N m", S.mjSENS_TOUCH: "N", S.mjSENS_FRAMEPOS: "m", S.mjSENS_FRAMELINVEL: "m/s",
-    S.mjSENS_FRAMEANGVEL: "rad/s", S.mjSENS_FRAMELINACC: "m/s²", S.mjSENS_SUBTREECOM: "m",
-}  # fmt: skip
-OF_JOINT = {
-    S.mjSENS_JOINTPOS: ("rad", "m"), S.mjSENS_JOINTVEL: ("rad/s", "m/s"), S.mjSENS_JOINTACTFRC: ("N m", "N"),
-}  # fmt: skip
-
-
-def channel_unit(model: mujoco.MjModel, channel: str) -> str:
-    """Unit of a channel, as far as its MJCF sensor tells it."""
-    sensor = model.sensor(channel.partition("[")[0])
-    kind = S(sensor.type[0])
-    if kind in OF_JOINT:
-        slides = model.jnt_type[sensor.objid[0]] == mujoco.mjtJoint.mjJNT_SLIDE
-        return OF_JOINT[kind][int(slides)]
-    return UNITS.get(kind, "")
 
 
 def force_unit(model: mujoco.MjModel, dof: int) -> str:
@@ -123,7 +104,7 @@ def overlay(diagnosis: Diagnosis) -> Figure:
     shown = [naming.naive, naming.best] if naming.best.placed else [naming.naive]
     lines = [problem.windows.measured, *(predicted(diagnosis, explanation.judged) for explanation in shown)]
     lines = [line[at] for line in lines]
-    channels = _worst_channels(diagnosis)
+    channels = worst_channels(diagnosis)
     time = _window_time(problem.simulator.recording.period, problem.windows, at)
     ratios = [1.5, 1] * len(channels)
     figure, axes = plt.subplots(len(ratios), 1, figsize=(WIDTH, 1.9 * len(channels) + 0.5), sharex=True,
@@ -145,7 +126,8 @@ def overlay(diagnosis: Diagnosis) -> Figure:
 LINES = ((RECORDED, "-", 2.2), (NAIVE, "--", 1.2), (IMPROVED, "-", 1.0))
 
 
-def _worst_channels(diagnosis: Diagnosis) -> list[int]:
+def worst_channels(diagnosis: Diagnosis) -> list[int]:
+    """Those that the naive fit predicts worst for their noise, at most `CHANNELS`, in their order."""
     problem = diagnosis.bench.held_out
     sizes = list(diagnosis.evidence.by_channel.values())
     ratio = [before / noise for (before, _), noise in zip(sizes, problem.noise.mean((0, 1)), strict=True)]

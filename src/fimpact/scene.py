@@ -1,6 +1,6 @@
-"""What there is to see of an experiment: MuJoCo C's poses, contact forces and measurements in the plane of motion.
+"""What there is to see of a motion: MuJoCo C's poses, contact forces and measurements in the plane of motion.
 
-Nothing here knows a system: outlines come from the geoms of the compiled model.
+Nothing here knows a robot: outlines come from the geoms of the compiled model.
 """
 
 from dataclasses import dataclass
@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull
-
-from fimpact.systems import System
 
 CIRCLE = np.stack([np.cos(angle := np.linspace(0, 2 * np.pi, 48, endpoint=False)), np.sin(angle)], 1)
 ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)
@@ -48,24 +46,6 @@ class Scene:
     def episodes(self) -> np.ndarray:
         """First step of every contact and the step after its last, shape (n, 2)."""
         return np.flatnonzero(np.diff(np.r_[False, self.touching, False])).reshape(-1, 2)
-
-
-def replay(system: System, theta: np.ndarray, design: np.ndarray) -> Scene:
-    """Simulate `design` on the system with parameters `theta`, in physical units, and keep what can be seen."""
-    model = system.compile(theta)
-    data, axes = mujoco.MjData(model), plane_of_motion(model)
-    data.qpos[:], data.qvel[:], ctrl = (np.asarray(part) for part in system.launch(system, np.asarray(design)))
-    steps = []
-    for u in ctrl:
-        data.ctrl[:] = u
-        time = data.time
-        mujoco.mj_step(model, data)
-        # Poses and forces still belong to the beginning of the step.
-        seen = (data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy(), contacts(model, data, axes))
-        steps.append((time, *seen, system.read(model, data)))
-    time, position, rotation, touches, measurement = zip(*steps, strict=True)
-    arrays = (np.array(part) for part in (time, position, rotation))
-    return Scene(model, axes, *arrays, touches, np.array(measurement), pivots(model, data, axes))
 
 
 def plane_of_motion(model: mujoco.MjModel) -> tuple[int, int]:

@@ -1,6 +1,6 @@
 """Drawing one experiment with matplotlib: bodies, surfaces, force arrows, and the signal below."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
@@ -13,7 +13,6 @@ from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
 from fimpact.scene import Scene, moves, outline, surfaces
-from fimpact.systems import System
 
 FORCE, BODY = "#D55E00", "#4477AA"
 CHANNELS = (("#0072B2", "-"), ("#000000", "--"), ("#009E73", ":"), ("#CC79A7", "-."))
@@ -37,9 +36,9 @@ class View:
         return self.high - self.low
 
 
-def common_view(scenes: list[Scene]) -> View:
-    """The smallest view that holds the motion, the surfaces and the forces of all scenes."""
-    seen = [outline(s, g, t) for s in scenes for g in geoms(s) for t in range(0, len(s.time), 4)]
+def common_view(scenes: list[Scene], every: int = 4) -> View:
+    """The smallest view of the motion (one step in `every`), the surfaces and the forces of all scenes."""
+    seen = [outline(s, g, t) for s in scenes for g in geoms(s) for t in range(0, len(s.time), every)]
     points = np.concatenate([*seen, *(s.pivots for s in scenes)])
     middle = points.mean(0)
     feet = [middle - ((middle - at) @ normal) * normal for at, normal in surfaces(scenes[0])]
@@ -115,12 +114,12 @@ def draw_scale(ax: Axes, arrows: Quiver, view: View) -> None:
     ax.quiverkey(arrows, 0.86, 1.03, newtons, f"{newtons:g} N", labelpos="W", color=FORCE)
 
 
-def draw_signal(ax: Axes, system: System, scene: Scene, view: View) -> None:
-    """What the sensor shows over time, without noise; contact is shaded."""
+def draw_signal(ax: Axes, channels: Sequence[str], scene: Scene, view: View) -> None:
+    """What the sensor shows over time, channel by channel, without noise; contact is shaded."""
     timestep = scene.model.opt.timestep
     spans = [(first * timestep, (last - first) * timestep) for first, last in scene.episodes]
     ax.broken_barh(spans, (0, 1), color="0.88", linewidth=0, transform=ax.get_xaxis_transform())
-    for channel, values, (colour, line) in zip(system.sensor.channels, scene.measurement.T, CHANNELS, strict=False):
+    for channel, values, (colour, line) in zip(channels, scene.measurement.T, CHANNELS, strict=False):
         ax.plot(scene.time, values, color=colour, linestyle=line, linewidth=1.2, label=channel.replace("_", " "))
     ax.set(xlabel="time (s)", ylim=view.signal, xlim=(0, scene.time[-1] + timestep))
     ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))

@@ -1,20 +1,29 @@
+import re
 import sys
 from pathlib import Path
 
 from fimpact.concealed.plan import case_names, compared
 from fimpact.concealed.settings import check as check_benchmark
-from fimpact.config import check
+from fimpact.config import check, check_keys
+from fimpact.fetch import find_source, read_sources
 
+KNOWN = sorted(path.stem for path in Path("config/recordings").glob("*.yaml") if path.stem != "sources")
 SCHEMAS = Path(workflow.basedir) / "workflow" / "schemas"
 
 try:
-    check({key: table for key, table in config.items() if key != "concealed"}, SCHEMAS / "config.schema.yaml")
+    apart = ("concealed", "recordings")
+    check({key: table for key, table in config.items() if key not in apart}, SCHEMAS / "config.schema.yaml")
     check_benchmark({"concealed": config["concealed"]}, SCHEMAS / "concealed.schema.yaml")
+    check_keys({"recordings": config["recordings"]}, SCHEMAS / "recordings.schema.yaml", case=KNOWN)
+    SOURCES = read_sources("config/recordings/sources.yaml")
 except ValueError as error:
     # Snakemake's WorkflowError would put the line number of this file around the one line that matters.
     sys.exit(str(error))
 
 BENCHMARK = config["concealed"]
+DATA = config["recordings"]["data"]
+CASES = config["recordings"].get("cases", KNOWN)
+MISSING = [source.file for source in SOURCES if not Path(DATA, source.file).exists()]
 SYSTEMS, METHODS = config["select"]["systems"], config["select"]["methods"]
 REFERENCE = [f"{name}.csv" for name in "trials diagnostics sweep reach summary".split()]
 REFERENCE += [f"{name}.png" for name in "panels ablation curve example-arm example-block".split()]
@@ -31,7 +40,11 @@ SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/a
 RIGS = [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
+CASE = "__init__ arrays case channels checks errors kinds load model physics readers ros runs start timebase units"
+READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
+NAMING = [f"mismatch/{name}" for name in "calibrate callback diagnose locate model name nameless weigh".split()]
+OTHERS = ["knobs", "peers", "mismatch/blackbox", "mismatch/locate"]
 STAGES = {
     "compile": MODEL,
     "trial": [*MODEL, "tables", "truth", "design", "search", "estimate", "trial"],
@@ -44,14 +57,18 @@ STAGES = {
         *RIGS,
         *(f"concealed/{name}" for name in "detect draw motions plan referee seal sizing twins".split()),
     ],
-    "diagnose": [*SHARED, *LAWS, "concealed/blind"]
-    + [f"mismatch/{name}" for name in "calibrate callback diagnose discriminate locate model name".split()]
-    + [f"mismatch/{name}" for name in "nameless resolve weigh".split()],
-    "peers": [*SHARED, *LAWS, "concealed/peers", "mismatch/blackbox", "mismatch/locate"],
+    "diagnose": [*SHARED, *LAWS, *NAMING, "concealed/blind", "mismatch/discriminate", "mismatch/resolve"],
+    "peers": [*SHARED, *LAWS, *OTHERS, "concealed/peers"],
     "score": [*SHARED, *LAWS, *RIGS, *(f"concealed/{name}" for name in "oracle places score seal".split())],
     "measures": ["__init__", "tables", "concealed/__init__", "concealed/lines", "concealed/measures"],
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
-    "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks scene stage examples".split(),
+    "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
+    + "scene stage replay gif examples".split(),
+    "diagnose_recording": [*READ, *LAWS, *NAMING, "mismatch/per_run", "mismatch/shape"]
+    + "looks scene stage gif motion film report_figures report diagnose_recording".split(),
+    "compare_recording": [*READ, *OTHERS, *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
+    + ["effects/base", "effects/native", "compare_recording"],
+    "recordings_summary": ["__init__", "tables", "rig_summary"],
 }
 
 
@@ -149,3 +166,26 @@ def compared_cases(share="compared"):
 def parts_of_cases(folder):
     """Files of all parts in `folder`."""
     return scattered(gather.cases, case_names(BENCHMARK), f"<concealed>/{folder}/{{scatteritem}}.jsonl")
+
+
+def case_inputs(wildcards):
+    """Input function: the files that a case reads. Ends with one line if one is neither there nor published."""
+    from fimpact.cases import inputs  # here, because every `snakemake` reads this file and this takes a second
+
+    try:
+        files = inputs(f"config/recordings/{wildcards.case}.yaml", DATA)
+    except ValueError as error:
+        sys.exit(str(error))
+    offered = {Path(DATA, file) for file in MISSING}
+    absent = [str(file) for file in files if not file.exists() and file not in offered]
+    if absent:
+        sys.exit(
+            f"{absent[0]} does not exist, and nobody offers it by URL; config/recordings/README.md says where to get it; "
+            "put it there, or name the folder that has it: --config 'recordings={data: FOLDER}'"
+        )
+    return files
+
+
+def diagnosing():
+    """Package files on which a page depends."""
+    return code("diagnose_recording") + ["src/fimpact/cases/schema.yaml", "src/fimpact/report.html.jinja"]

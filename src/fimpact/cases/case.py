@@ -11,7 +11,7 @@ from fimpact.cases import start as starts
 from fimpact.cases.channels import Channel, channels, commands, place_sensors
 from fimpact.cases.checks import check_recording, check_sources
 from fimpact.cases.errors import CaseError, listed
-from fimpact.cases.load import load
+from fimpact.cases.load import bases, load
 from fimpact.cases.model import Naive, compiled, read_model
 from fimpact.cases.runs import Sampled, file_paths, filtered_noise, held_commands, pieces, sample, sources
 from fimpact.cases.units import factor
@@ -44,14 +44,15 @@ def read_case(path: str | Path, data_root: str | Path | None = None) -> Recordin
 
 
 def inputs(path: str | Path, data_root: str | Path | None = None) -> list[Path]:
-    """Files that a case reads besides itself: its MJCF, then its data, each once.
+    """Files that a case reads besides itself: the cases it extends, its MJCF, then its data, each once.
 
     Raises:
         CaseError: the case is not valid; whether the files exist is not looked at.
     """
     case = load(Path(path))
     root = _root(case, Path(path), data_root)
-    return list(dict.fromkeys([Path(case["model"]), *(f for run in case["runs"] for f in file_paths(run, root))]))
+    data = [file for run in case["runs"] for file in file_paths(run, root)]
+    return list(dict.fromkeys([*bases(Path(path)), Path(case["model"]), *data]))
 
 
 def _root(case: dict, path: Path, data_root: str | Path | None) -> Path:

@@ -48,6 +48,15 @@ def load(path: Path) -> dict:
     return case
 
 
+def bases(path: Path) -> list[Path]:
+    """The cases that a valid case extends, nearest first."""
+    case = yaml.load(path.read_text(encoding="utf-8"), _Loader)
+    if not isinstance(case.get("extends"), str):
+        return []
+    base = path.parent / case["extends"]
+    return [base, *bases(base)]
+
+
 def _read(path: Path, seen: tuple[Path, ...]) -> dict:
     if not path.is_file():
         raise CaseError(f"case {path} does not exist; correct the path, or write one with `fimpact init`")

@@ -3,10 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import yaml
-from jsonschema import Draft202012Validator
-
-from fimpact.complaints import in_words, most_telling
+from fimpact.config import check_keys
 
 
 def check(config: dict, schema: Path) -> None:
@@ -18,9 +15,8 @@ def check(config: dict, schema: Path) -> None:
     Raises:
         ValueError: one line that names the first wrong key, its value, and what is allowed.
     """
-    rules = yaml.safe_load(schema.read_text())
-    error = most_telling(Draft202012Validator(rules).iter_errors(config))
-    complaint = in_words(error) if error else next(_contradictions(config["concealed"]), None)
+    check_keys(config, schema)
+    complaint = next(_contradictions(config["concealed"]), None)
     if complaint:
         raise ValueError(f"configuration: {complaint} (all keys: config/README.md)")
 

@@ -48,6 +48,8 @@ def black_box(simulator: Simulator, windows: Windows, location: Location) -> Pla
     inputs = np.concatenate([part.reshape(count, part.shape[2]) for part in parts], 1)
     target = location.force.reshape(-1, location.force.shape[2])
     groups = np.repeat(np.arange(len(windows.runs)) % FOLDS, location.time.shape[1])
+    if len(windows.runs) < FOLDS:  # pieces of few windows are left out where windows cannot be
+        groups = np.arange(count) % FOLDS
     best = min((_left_out(inputs, target, groups, width, ridge), width, ridge) for width in WIDTHS for ridge in RIDGES)
     learned = _learn(inputs, target, *best[1:])
     effect = Effect(

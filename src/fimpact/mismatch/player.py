@@ -100,7 +100,7 @@ def commands(ctrl, substeps):
     time = np.arange(drive.shape[1])[None] * PERIOD / pieces
     for law, site, values in COMMANDS:
         drive = law(drive, _signal(time, drive), site, **values)
-    steps = drive[0].reshape(len(ctrl) * substeps, -1, drive.shape[2])
+    steps = drive[0].reshape(len(ctrl) * substeps, pieces // substeps, drive.shape[2])
     return steps.mean(1), steps[:, 0]
 
 

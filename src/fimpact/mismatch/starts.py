@@ -37,7 +37,7 @@ def _measured_state(model, recording: Recording, measured, first: int, noise, qp
     for column, channel in enumerate(recording.channels):
         name, _, part = channel.removesuffix("]").partition("[")
         sensor, part = model.sensor(name), int(part or 0)
-        place = _place(model, sensor, part)
+        place = place_of(model, sensor, part)
         if place is None:
             continue
         value, slope = local_fit(measured[:, column], first, recording.period, noise[column])
@@ -53,7 +53,7 @@ def _measured_state(model, recording: Recording, measured, first: int, noise, qp
         _pose(model, qpos, qvel, address, parts)
 
 
-def _place(model, sensor, part: int) -> tuple[str, int, int] | None:
+def place_of(model, sensor, part: int) -> tuple[str, int, int] | None:
     """What a sensor component shows: ("position" | "speed" | "quaternion", index in qpos, index in qvel)."""
     kind, owner = mujoco.mjtSensor(sensor.type[0]), sensor.objid[0]
     if kind in (JOINTPOS, JOINTVEL):

@@ -1,0 +1,29 @@
+"""Diagnose one case: from its file to its page. The command line and the workflow both do this and no more."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from fimpact.cases import inputs, read_case
+from fimpact.mismatch.diagnose import Diagnosis, diagnose
+from fimpact.report import describe_inputs, write_report
+
+
+def diagnose_recording(
+    case: Path | str, data: Path | str | None, folder: Path | str, progress: Callable[[str], None]
+) -> tuple[Diagnosis, Path]:
+    """Read `case`, diagnose it, and write the page and all that belongs to it to `folder`.
+
+    Args:
+        data: folder of the data files; None: the one that the case names.
+        progress: receives one line at the start of each piece of work.
+
+    Returns:
+        The diagnosis, and the path of its page.
+
+    Raises:
+        CaseError: the case or its data cannot be used. FileExistsError: `folder` holds files that are no report.
+    """
+    found = diagnose(read_case(case, data), progress)
+    progress("writing the page")
+    files = [Path(case), *inputs(case, data)]
+    return found, write_report(found, folder, provenance=describe_inputs(files))

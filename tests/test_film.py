@@ -1,0 +1,93 @@
+"""What was recorded, and what the models say of it, becomes motion again; where it cannot, the page says why."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+from test_model import XML, diagnosis_of, record
+
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.film import draw_film
+from fimpact.gif import FEWEST, write_gif
+from fimpact.motion import configurations, readings_of, scene_of, stretch, undrawable
+
+FREE = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="cube" pos="0 0 1"><freejoint/>
+<geom type="box" size="0.1 0.1 0.1"/></body></worldbody><sensor><framepos name="p" objtype="body" objname="cube"/>
+<framequat name="q" objtype="body" objname="cube"/></sensor></mujoco>"""
+POSE = ("p[0]", "p[1]", "p[2]", "q[0]", "q[1]", "q[2]", "q[3]")
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    return diagnosis_of(record(0.02), Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.015}))
+
+
+def test_poses_come_back_from_their_readings_and_gaps_are_filled():
+    model = mujoco.MjModel.from_xml_string(FREE)
+    readings = np.zeros((5, 7))
+    readings[:, :3] = np.arange(5)[:, None] * [0.0, 0.2, 1.0]
+    readings[:, 3] = 2.0  # not quite a unit quaternion
+    readings[2] = np.nan
+    qpos = configurations(model, POSE, readings)
+    np.testing.assert_allclose(qpos[:, 2], np.arange(5))
+    np.testing.assert_allclose(qpos[:, 3:], [[1, 0, 0, 0]] * 5)
+    assert scene_of(model, qpos, np.arange(5.0)).axes == (1, 2)  # it falls, and drifts along y
+
+
+@pytest.mark.parametrize(
+    ("xml", "channels", "words"),
+    [
+        (XML, ("angle",), ""),
+        (FREE, POSE, ""),
+        (FREE, POSE[:3], "was not measured"),
+        (XML.replace("jointpos", "jointvel"), ("angle",), "how pivot stood was not measured"),
+        (
+            XML.replace('<geom name="bar" type="capsule" fromto="0 0 0 0 0 -0.4" size="0.015" mass="0.3"/>',
+                        '<inertial pos="0 0 -0.2" mass="0.3" diaginertia="1e-3 1e-3 1e-3"/>'),
+            ("angle",),
+            "no geom that moves",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_drawn_is_said_in_one_sentence(xml, channels, words):
+    reason = undrawable(mujoco.MjModel.from_xml_string(xml), channels)
+    assert words in reason and bool(reason) == bool(words) and "\n" not in reason
+
+
+def test_a_stretch_is_predicted_from_its_first_state_as_its_windows_are(diagnosis):
+    part = stretch(diagnosis, 0)
+    windows, judged = diagnosis.bench.held_out.windows, diagnosis.naming.best.judged
+    longest = readings_of(diagnosis, diagnosis.naming.best, part)
+    point = judged.point
+    own = diagnosis.bench.held_out.simulator.predict(point.hypothesis, windows, point.qpos, point.qvel)[part.window]
+    assert len(longest) == part.samples > windows.length
+    np.testing.assert_allclose(longest[: windows.length], own, atol=1e-12)
+
+
+def test_a_film_shows_all_three_and_stays_small(diagnosis, tmp_path):
+    assert draw_film(diagnosis, tmp_path / "motion.gif") == ""
+    with Image.open(tmp_path / "motion.gif") as film:
+        assert film.n_frames >= 30 and film.info["loop"] == 0
+        shot = np.asarray(film.convert("RGB")).reshape(-1, 3).astype(int)
+    assert (tmp_path / "motion.gif").stat().st_size < 1_500_000
+    for colour in ((0xD5, 0x5E, 0x00), (0x00, 0x72, 0xB2)):
+        assert (np.abs(shot - colour).sum(1) < 90).any()
+
+
+def test_what_cannot_be_drawn_leaves_no_file(diagnosis, tmp_path):
+    blind = replace(diagnosis.recording, channels=())
+    words = draw_film(SimpleNamespace(bench=diagnosis.bench, recording=blind), tmp_path / "motion.gif")
+    assert words.startswith("No film") and not list(tmp_path.iterdir())
+
+
+def test_a_film_that_is_too_large_loses_frames_but_not_all(tmp_path):
+    rng = np.random.default_rng(0)
+    shots = [rng.integers(0, 255, (60, 80, 3), np.uint8) for _ in range(80)]
+    for most, frames in ((None, 80), (100_000, 20), (1, FEWEST)):
+        write_gif(shots, ["black", "red"], 20, tmp_path / "noise.gif", most)
+        with Image.open(tmp_path / "noise.gif") as film:
+            assert film.n_frames == frames, most
