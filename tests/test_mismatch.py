@@ -1,23 +1,27 @@
 """Plant an effect, expect its name; plant none, expect silence."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 from planted import NOISE, record
 
 from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
-from fimpact.mismatch.diagnose import diagnose, to_json
+from fimpact.mismatch.diagnose import diagnose, to_json, unit_at
 from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit
+from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
-from fimpact.mismatch.name import Naming, name
+from fimpact.mismatch.name import Naming, Search, name
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
-from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.simulate import Hypothesis, Simulator, cut
 from fimpact.mismatch.starts import noise_level
 
 FRICTION = 0.004  # N m
@@ -175,3 +179,67 @@ def test_a_further_run_resolves_rivals(friction):
     rivals = [{p.name: p.values for p in e.placed} for e in (naming.steps[0].rivals[1], naming.best)]
     found = resolve(recording, record(3, hide_friction).held_out[:1], rivals)
     assert found[0].name == "coulomb@joint_2" and found[0].weight > 0.9
+
+
+def test_a_lag_shorter_than_a_step_is_read_at_the_instant_of_the_sample():
+    """A torque sensor that is read when the command jumps has not yet seen the jump."""
+    recording = record(6, runs=3)
+    torque = "<actuatorfrc name='torque' actuator='motor_1'/></sensor>"
+    recording = replace(recording, xml=recording.xml.replace("</sensor>", torque), channels=("encoder_1", "torque"))
+    windows = cut(recording.runs, 0)
+    hypotheses = [
+        Hypothesis(Simulator(recording).theta, (Placed(EFFECTS[name], "motor_1", values),) if name else ())
+        for name, values in (("", {}), ("actuator_lag", {"time": 8e-4}), ("command_delay", {"delay": 8e-4}))
+    ]
+    starts = np.zeros((len(windows.runs), 2)), np.zeros((len(windows.runs), 2))
+    coarse, fine = (
+        [Simulator(recording, finer).predict(hypothesis, windows, *starts)[:, :, 1] for hypothesis in hypotheses]
+        for finer in (1, 8)
+    )
+    for law in (1, 2):
+        effect = fine[law] - fine[0]
+        assert np.abs(coarse[law] - coarse[0] - effect).max() < 0.2 * np.abs(effect).max()
+
+
+def test_a_window_that_is_stuck_is_begun_anew(nothing):
+    problem, fitted = nothing.bench.training, nothing.naming.naive.fitted
+    qvel = fitted.point.qvel.copy()
+    qvel[3] += 30.0
+    lost = problem.evaluate(fitted.point.hypothesis, fitted.point.qpos, qvel, fitted.coordinates)
+    found = restarted(problem, fitted.coordinates, lost)
+    assert lost.cost > 2 * fitted.point.cost
+    assert found.cost < 1.01 * fitted.point.cost
+    assert restarted(problem, fitted.coordinates, fitted.point) is fitted.point
+
+
+def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
+    def rival(name, weight):
+        return SimpleNamespace(placed=[SimpleNamespace(effect=SimpleNamespace(name=name))], weight=weight)
+
+    catalogue = [SimpleNamespace(placed=SimpleNamespace(effect=SimpleNamespace(name=n))) for n in ("a", "b", "c")]
+    search = Search(None, tuple(catalogue), None, None, print)
+    for weights, expected in (({"b": 0.5, "a": 0.4, "c": 0.1}, "abc"), ({"b": 0.8, "a": 0.2}, "ba"), ({}, "")):
+        rivals = [rival(name, weight) for name, weight in weights.items()]
+        monkeypatch.setattr("fimpact.mismatch.name.weigh", lambda bench, pulses, held_out, given: given)
+        assert "".join(r.placed[0].effect.name for r in search.ranked(rivals)) == expected
+
+
+SLED = """<mujoco><worldbody><body name="sled"><joint name="rail" type="slide"/><geom size="0.1"/>
+<body name="arm"><joint name="hinge"/><geom size="0.1"/></body></body></worldbody>
+<actuator><motor name="pusher" joint="rail"/><motor name="turner" joint="hinge"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("site", "unit", "expected"),
+    [
+        ("rail", "N m s/rad", "N s/m"),
+        ("rail", "rad/(N m)", "m/N"),
+        ("rail", "kg m²", "kg"),
+        ("pusher", "N m", "N"),
+        ("hinge", "N m s/rad", "N m s/rad"),
+        ("turner", "N m", "N m"),
+        ("sled", "kg", "kg"),
+    ],
+)
+def test_units_are_those_of_the_joint(site, unit, expected):
+    assert unit_at(mujoco.MjSpec.from_string(SLED), site, unit) == expected

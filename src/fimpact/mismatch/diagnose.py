@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from fimpact.effects import EFFECTS
@@ -15,6 +16,7 @@ from fimpact.recordings import FIELDS, Recording
 
 SCHEMA = 1
 Z95 = 1.959964
+SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
 
 
 @dataclass(frozen=True)
@@ -87,9 +89,21 @@ def parameter_rows(naming: Naming, recording: Recording) -> list[dict[str, Any]]
         placed = naming.best.placed[index]
         unit = next(c.unit for c in placed.effect.coefficients if c.name == coefficient)
         labels.append((coefficient, placed.name, unit, None, None))
+    spec = recording.spec()
+    labels = [(name, of, unit_at(spec, of.partition("@")[2], unit), *rest) for name, of, unit, *rest in labels]
     keys = ("name", "of", "unit", "before", "naive", "after", "low", "high")
     rows = zip(labels, after, after - error, after + error, strict=True)
     return [dict(zip(keys, (*label, float(v), float(lo), float(hi)), strict=True)) for label, v, lo, hi in rows]
+
+
+def unit_at(spec: mujoco.MjSpec, site: str, unit: str) -> str:
+    """`unit`, which is that of a hinge, or what it is where the joint, or the joint of the motor, slides."""
+    motor = spec.actuator(site)
+    joint = spec.joint(motor.target if motor else site)
+    if joint and joint.type == mujoco.mjtJoint.mjJNT_SLIDE:
+        for turning, sliding in SLIDING.items():
+            unit = unit.replace(turning, sliding)
+    return unit
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
