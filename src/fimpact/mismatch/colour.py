@@ -20,16 +20,21 @@ from fimpact.mismatch.pulses import BINS, Pulses
 
 CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its commands
 FEW = 8  # windows
-SIZES = (-9.0, 14.0)  # log of the variance, in units of what the sensors show of it
+SIZES = (-9.0, 20.0)  # log of the variance, in units of what the sensors show of it
 MEMORIES = (-1.0, 3.5)  # log of the memory, in bins
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Standard deviation of the random force on each degree of freedom, (nv,), N or N m, and its memory in bins."""
+    """Standard deviation of the random force on each degree of freedom, (nv,), N or N m, and its memory in bins.
+
+    noise: by which what is white beside it is louder than the sensors, at least 1: a fine encoder sees each roller of
+    a bearing, which no eighth of a window holds.
+    """
 
     sd: np.ndarray
     memory: float
+    noise: float = 1.0
 
     def root(self) -> np.ndarray:
         """Cholesky factor of the covariance of the pulses, (nv * BINS, nv * BINS)."""
@@ -40,16 +45,17 @@ class Disturbance:
 @dataclass(frozen=True)
 class Colour:
     """Orthonormal directions (w, m, c) in which the residual of a window is louder than noise by sd `louder`, (w, c),
-    and what a late clock of each run does to it, (w, m, runs)."""
+    what a late clock of each run does to it, (w, m, runs), and the noise in units of that of the sensors."""
 
     directions: np.ndarray
     louder: np.ndarray
     clocks: np.ndarray
+    noise: float = 1.0
 
     def white(self, columns: np.ndarray) -> np.ndarray:
         """`columns`, (w, m, k), in units in which the residual is white."""
         along = self.directions.transpose(0, 2, 1) @ columns
-        return columns - self.directions @ (along * (1 - 1 / self.louder)[:, :, None])
+        return (columns - self.directions @ (along * (1 - 1 / self.louder)[:, :, None])) / self.noise
 
     def apply(self, linear: Linear) -> Linear:
         """`linear`, which knows no colour, in those units, the clocks after its own columns."""
@@ -70,26 +76,39 @@ def disturbance(fitted: Fit, found: Pulses) -> Disturbance:
     gram, along = free.transpose(0, 2, 1) @ free, np.einsum("wmb,wm->wb", free, left)
     seen = gram.diagonal(0, 1, 2).mean(0).reshape(-1, BINS).mean(1)
     unit, nv = 1 / np.sqrt(np.maximum(seen, 1e-300)), len(seen)
+    energy, count = (left**2).sum(), _freedom(fitted)
 
     def read(z):
         return Disturbance(np.exp(z[:nv] / 2) * unit, float(np.exp(z[nv])))
 
-    def unlikely(z):
+    def parts(z):
+        # Sizes are in units of the white part, whose own is then known: the residual's, less what forces take.
         root = read(z).root()
         inner = np.eye(len(root)) + root.T @ gram @ root
         shown = along @ root
-        return (np.linalg.slogdet(inner)[1] - (shown * np.linalg.solve(inner, shown[..., None])[..., 0]).sum(1)).sum()
+        rest = energy - (shown * np.linalg.solve(inner, shown[..., None])[..., 0]).sum()
+        return np.linalg.slogdet(inner)[1].sum(), rest, max(rest / count, 1.0)
+
+    def unlikely(z):
+        volume, rest, white = parts(z)
+        return volume + rest / white + count * np.log(white)
 
     if len(left) < FEW:
         return Disturbance(np.zeros(nv), 1.0)
-    best = minimize(unlikely, np.append(np.zeros(nv), 1.0), method="L-BFGS-B", bounds=[SIZES] * nv + [MEMORIES])
-    return read(best.x)
+    z = minimize(unlikely, np.append(np.zeros(nv), 1.0), method="L-BFGS-B", bounds=[SIZES] * nv + [MEMORIES]).x
+    noise, best = float(np.sqrt(parts(z)[2])), read(z)
+    return Disturbance(best.sd * noise, best.memory, noise)
+
+
+def _freedom(fitted: Fit) -> float:
+    samples = int((fitted.point.residual != 0).sum())
+    return max(samples - np.prod(fitted.linear.basis.shape[::2]) - fitted.linear.raw.shape[2], 1.0)
 
 
 def colour(found: Pulses, pushing: Disturbance) -> Colour:
     """What `pushing` makes of the noise in the windows of `found`."""
     directions, size, _ = np.linalg.svd(found.columns @ pushing.root(), full_matrices=False)
-    return Colour(directions, np.sqrt(1 + size**2), found.clocks)
+    return Colour(directions, np.sqrt(1 + (size / pushing.noise) ** 2), found.clocks, pushing.noise)
 
 
 def coloured(fitted: Fit, found: Pulses) -> Fit:

@@ -226,7 +226,8 @@ def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explana
     (before, _), (after, more) = (nameless(bench, e.fitted, found) for e in (naive, best))
     left = more / max(more + max(explained(found, naive.fitted, best.fitted), 0.0), 1e-9)
     wide = spread * generalised([best.fitted], shades[:1]).covariance
-    return Naming(naive, steps, best, members(best, others), left, (before, after), spread, wide, found)
+    total = spread * pushing.noise**2
+    return Naming(naive, steps, best, members(best, others), left, (before, after), total, wide, found)
 
 
 def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarray:
