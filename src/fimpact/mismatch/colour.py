@@ -129,11 +129,20 @@ class Generalised:
     squares: list[np.ndarray]
     step: np.ndarray
     covariance: np.ndarray
+    samples: list[np.ndarray]
 
     @property
     def total(self) -> float:
-        """All squares."""
-        return float(sum(part.sum() for part in self.squares))
+        """All squares; a window that fits worse than noise has noise of its own, which is then what is likeliest."""
+        return float(sum(part.sum() for part in self.deviances))
+
+    @property
+    def deviances(self) -> list[np.ndarray]:
+        """Of each window, (w,) each: squares up to the number of samples n, and n (1 + log(squares / n)) beyond."""
+        return [
+            np.minimum(own, n) + n * np.log(np.maximum(own / n, 1.0))
+            for own, n in zip(self.squares, self.samples, strict=True)
+        ]
 
 
 def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
@@ -160,4 +169,5 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
         ((left - linear.projected @ step[place]) ** 2).sum(1)
         for linear, left, place in zip(linears, lefts, places, strict=True)
     ]
-    return Generalised(squares, step[:k], inverse[:k, :k])
+    samples = [np.maximum((fit.point.residual != 0).sum(1), 1) for fit in fits]
+    return Generalised(squares, step[:k], inverse[:k, :k], samples)

@@ -24,7 +24,7 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     optima = [generalised(both(bench, r), shades) for r in rivals]
     deviance = np.array([optimum.total + price(r) for optimum, r in zip(optima, rivals, strict=True)])
     least = int(np.argmin(deviance))
-    spread = dispersion(rivals[least], optima[least].squares)
+    spread = dispersion(rivals[least], optima[least].deviances)
     raw = np.exp(-(deviance - deviance[least]) / 2 / spread)
     weighted = [
         replace(r, weight=float(w), deviance=float(d), dispersion=spread)
