@@ -21,6 +21,7 @@ from fimpact.mismatch.pulses import BINS, Pulses
 CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its commands
 FEW = 8  # windows
 SIZES = (-9.0, 20.0)  # log of the variance, in units of what the sensors show of it
+REWEIGHTED = 4  # passes; the first counts all windows alike
 MEMORIES = (-1.0, 3.5)  # log of the memory, in bins
 
 
@@ -123,22 +124,23 @@ def coloured(fitted: Fit, found: Pulses) -> Fit:
 
 @dataclass(frozen=True)
 class Generalised:
-    """The generalised least-squares optimum one linear step away: squares of each window, (w,) for each set of windows,
-    and the step and the covariance of the coordinates, (k,) and (k, k)."""
+    """The generalised least-squares optimum one linear step away: squares and samples of each window, (w,) for each set
+    of windows, and the step and the covariance of the coordinates, (k,) and (k, k)."""
 
     squares: list[np.ndarray]
+    samples: list[np.ndarray]
     step: np.ndarray
     covariance: np.ndarray
-    samples: list[np.ndarray]
 
     @property
     def total(self) -> float:
-        """All squares; a window that fits worse than noise has noise of its own, which is then what is likeliest."""
+        """All deviances."""
         return float(sum(part.sum() for part in self.deviances))
 
     @property
     def deviances(self) -> list[np.ndarray]:
-        """Of each window, (w,) each: squares up to the number of samples n, and n (1 + log(squares / n)) beyond."""
+        """Of each window, (w,) each: squares up to the number of samples n, and n (1 + log(squares / n)) beyond: what
+        fits worse than noise has noise of its own."""
         return [
             np.minimum(own, n) + n * np.log(np.maximum(own / n, 1.0))
             for own, n in zip(self.squares, self.samples, strict=True)
@@ -146,7 +148,8 @@ class Generalised:
 
 
 def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
-    """The optimum near `fits`, which are of the same coordinates in several sets of windows."""
+    """The optimum near `fits`, which are of the same coordinates in several sets of windows; loud windows count less
+    (iteratively reweighted)."""
     free, k = fits[0].coordinates, len(fits[0].coordinates.mean)
     linears = [shade.apply(fit.linear) for fit, shade in zip(fits, shades, strict=True)]
     ends = np.cumsum([k, *(linear.raw.shape[2] - k for linear in linears)])
@@ -154,20 +157,24 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
     prior, scale = np.append(free.sd, CLOCK * clock), np.append(free.scale, CLOCK * clock)
     z = np.append(free.read(fits[0].point.hypothesis), 0 * clock)
     low, high = np.append(free.low, -np.inf * clock), np.append(free.high, np.inf * clock)
-    hessian, slope = np.diag(prior**-2.0), np.append(-fits[0].pull, 0 * clock)
     places = [np.append(np.arange(k), np.arange(*pair)) for pair in pairwise(ends)]
     lefts = [linear.off(fit.point.residual) for fit, linear in zip(fits, linears, strict=True)]
-    for linear, left, place in zip(linears, lefts, places, strict=True):
-        hessian[np.ix_(place, place)] += np.einsum("wma,wmb->ab", linear.projected, linear.projected)
-        slope[place] += np.einsum("wma,wm->a", linear.projected, left)
+    samples = [np.maximum((fit.point.residual != 0).sum(1), 1) for fit in fits]
+    weights = [np.ones(len(left)) for left in lefts]
+    for _ in range(REWEIGHTED):
+        hessian, slope = np.diag(prior**-2.0), np.append(-fits[0].pull, 0 * clock)
+        for linear, left, place, weight in zip(linears, lefts, places, weights, strict=True):
+            weighed = linear.projected * weight[:, None, None]
+            hessian[np.ix_(place, place)] += np.einsum("wma,wmb->ab", weighed, linear.projected)
+            slope[place] += np.einsum("wma,wm->a", weighed, left)
+        free_ = scale * ~(((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0)))
+        step = free_ * np.linalg.lstsq(hessian * np.outer(free_, free_), slope * free_, rcond=1e-12)[0]
+        step = np.clip(z + step, low, high) - z
+        squares = [
+            ((left - linear.projected @ step[place]) ** 2).sum(1)
+            for linear, left, place in zip(linears, lefts, places, strict=True)
+        ]
+        weights = [1 / np.maximum(own / n, 1.0) for own, n in zip(squares, samples, strict=True)]
     scaled = hessian * np.outer(scale, scale)
     inverse = np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)
-    free_ = scale * ~(((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0)))
-    step = free_ * np.linalg.lstsq(hessian * np.outer(free_, free_), slope * free_, rcond=1e-12)[0]
-    step = np.clip(z + step, low, high) - z
-    squares = [
-        ((left - linear.projected @ step[place]) ** 2).sum(1)
-        for linear, left, place in zip(linears, lefts, places, strict=True)
-    ]
-    samples = [np.maximum((fit.point.residual != 0).sum(1), 1) for fit in fits]
-    return Generalised(squares, step[:k], inverse[:k, :k], samples)
+    return Generalised(squares, samples, step[:k], inverse[:k, :k])

@@ -222,7 +222,7 @@ def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explana
     bench, found = search.bench, search.pulses
     pushing = disturbance(best.fitted, found)
     shades = colour(found, pushing), colour(search.held_out, pushing)
-    spread = dispersion(best, generalised(both(bench, best), shades).squares)
+    spread = dispersion(best, generalised(both(bench, best), shades).deviances)
     (before, _), (after, more) = (nameless(bench, e.fitted, found) for e in (naive, best))
     left = more / max(more + max(explained(found, naive.fitted, best.fitted), 0.0), 1e-9)
     wide = spread * generalised([best.fitted], shades[:1]).covariance
