@@ -16,7 +16,7 @@ from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
-from fimpact.mismatch.name import Naming, Search, name
+from fimpact.mismatch.name import Naming, Search, idle, name
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
@@ -222,6 +222,17 @@ def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
         rivals = [rival(name, weight) for name, weight in weights.items()]
         monkeypatch.setattr("fimpact.mismatch.name.weigh", lambda bench, pulses, held_out, given: given)
         assert "".join(r.placed[0].effect.name for r in search.ranked(rivals)) == expected
+
+
+def test_an_effect_at_its_bound_does_nothing():
+    def explained(*placed):
+        return SimpleNamespace(placed=placed)
+
+    spring = Placed(EFFECTS["spring"], "joint_1", {"stiffness": 0.3, "rest": 0.0})
+    dry = Placed(EFFECTS["coulomb"], "joint_1", {"friction": 0.0})
+    one_way = Placed(EFFECTS["direction_dependent_coulomb"], "joint_1", {"forward": 0.0, "backward": 0.1})
+    assert idle(explained(spring, dry))
+    assert not idle(explained(spring, one_way))
 
 
 SLED = """<mujoco><worldbody><body name="sled"><joint name="rail" type="slide"/><geom size="0.1"/>

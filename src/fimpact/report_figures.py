@@ -38,6 +38,7 @@ LOOK = {
     "svg.fonttype": "path",
 }
 CHANNELS = 2  # shown in the overlay
+FAINT = 10.0  # times the quartile of the deviations, beyond which a force is not shown
 BARS = 12
 POINTS = 1500  # of a line
 CLOUD = 900  # points in a scatter
@@ -260,11 +261,13 @@ def state(diagnosis: Diagnosis) -> Figure:
     position = int(model.jnt_qposadr[model.dof_jntid[dof]] + dof - model.jnt_dofadr[model.dof_jntid[dof]])
     force, deviation = (part[..., dof].ravel() for part in (location.force, location.deviation))
     added = added_force(diagnosis, dof)
+    # At the end of a window a force has no time to show: what would be seen there is noise, hugely magnified.
+    seen = deviation <= FAINT * np.quantile(deviation, 0.25)
     unit, metres = force_unit(model, dof), "m" if _translates(model, dof) else "rad"
     axes_of = {f"speed ({metres}/s)": location.qvel[..., dof], f"position ({metres})": location.qpos[..., position]}
     figure, axes = plt.subplots(2, 1, figsize=(WIDTH, 4.2), sharey=True)
     for ax, (label, x) in zip(axes, axes_of.items(), strict=True):
-        _cloud(ax, x.ravel(), force, deviation, added)
+        _cloud(ax, x.ravel()[seen], force[seen], deviation[seen], None if added is None else added[seen])
         ax.set(xlabel=label, ylabel=f"force ({unit})")
     axes[0].set_title(f"What {location.dofs[dof]} feels and the naive fit lacks")
     handles, labels = axes[0].get_legend_handles_labels()
@@ -351,7 +354,9 @@ def _force_between(naive, best, qpos, qvel, ctrl, pull) -> np.ndarray:
 def candidates(diagnosis: Diagnosis) -> Figure:
     """Held-out error of the naive fit and of every candidate that was refitted, with the noise floor."""
     rows = candidate_rows(diagnosis)
-    figure, ax = plt.subplots(figsize=(WIDTH, 0.27 * len(rows) + 1.0))
+    labels = [_wrapped(row["name"]) for row in rows]
+    lines = max(label.count("\n") + 1 for label in labels)
+    figure, ax = plt.subplots(figsize=(WIDTH, max(0.27, 0.14 * lines + 0.04) * len(rows) + 1.0))
     values = [row["error"] for row in rows]
     floor = diagnosis.evidence.noise_floor
     low = 0.6 * min(floor, *values)
@@ -367,7 +372,7 @@ def candidates(diagnosis: Diagnosis) -> Figure:
     ax.barh(range(len(rows)), values, color=[colours[row["role"]] for row in rows], height=0.7)
     for i, value in enumerate(values):
         ax.annotate(f"{value:.3g}", (ends[i], i), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5)
-    ax.set_yticks(range(len(rows)), [_wrapped(row["name"]) for row in rows], fontsize=7.5)
+    ax.set_yticks(range(len(rows)), labels, fontsize=7.5)
     ax.invert_yaxis()
     ax.axvline(floor, color=INK, linestyle=":", linewidth=1.3)
     ax.annotate("noise floor", (floor, 1), xycoords=("data", "axes fraction"), xytext=(2, 3),

@@ -68,9 +68,13 @@ def in_words(naming: Naming, recording: Recording, placed) -> str:
     """An effect with values, 95 % intervals and units: ``coulomb at joint_2 (friction 0.0020 ± 0.0001 N m)``."""
     rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name]
     values = ", ".join(
-        f"{r['name']} {r['after']:.3g} ± {(r['high'] - r['low']) / 2:.1g} {r['unit']}".strip() for r in rows
+        f"{r['name']} {r['after']:.3g} ± {_half((r['high'] - r['low']) / 2)} {r['unit']}".strip() for r in rows
     )
     return f"{placed.effect.name.replace('_', ' ')} at {placed.site} ({values})"
+
+
+def _half(width: float) -> str:
+    return f"{width:.1g}" if width < 10 else f"{width:.0f}"
 
 
 def parameter_rows(naming: Naming, recording: Recording) -> list[dict[str, Any]]:

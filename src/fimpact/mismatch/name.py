@@ -125,11 +125,22 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
         steps.append(_step(search, best, TRACE * explained(found[0], naive.fitted, best.fitted)))
         if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
             break
-        rivals = steps[-1].rivals
-        if len(rivals[0].placed) > 1:
-            rivals = _reconsider(search, rivals)
-        best = sharpened(bench, found[0], numerics(bench, rivals[0]))
+        told = steps[-1].rivals
+        if len(told[0].placed) > 1:
+            told = _reconsider(search, told)
+        further = sharpened(bench, found[0], numerics(bench, told[0]))
+        if idle(further):
+            break
+        best, rivals = further, told
     return _answer(search, naive, steps, best, rivals[1:])
+
+
+def idle(explanation: Explanation) -> bool:
+    """Whether an effect was added that, once fitted, does nothing: one step promised what its bounds do not allow."""
+    return any(
+        all(p.values[c.name] == p.effect.neutral[c.name] for c in p.effect.coefficients if not c.shape)
+        for p in explanation.placed
+    )
 
 
 @dataclass(frozen=True)
