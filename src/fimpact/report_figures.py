@@ -38,7 +38,7 @@ LOOK = {
     "svg.fonttype": "path",
 }
 CHANNELS = 2  # shown in the overlay
-FAINT = 10.0  # times the quartile of the deviations, beyond which a force is not shown
+UNSEEN = 10.0  # times the quartile of the deviations, beyond which a force is not shown
 BARS = 12
 POINTS = 1500  # of a line
 CLOUD = 900  # points in a scatter
@@ -262,7 +262,7 @@ def state(diagnosis: Diagnosis) -> Figure:
     force, deviation = (part[..., dof].ravel() for part in (location.force, location.deviation))
     added = added_force(diagnosis, dof)
     # At the end of a window a force has no time to show: what would be seen there is noise, hugely magnified.
-    seen = deviation <= FAINT * np.quantile(deviation, 0.25)
+    seen = deviation <= UNSEEN * np.quantile(deviation, 0.25)
     unit, metres = force_unit(model, dof), "m" if _translates(model, dof) else "rad"
     axes_of = {f"speed ({metres}/s)": location.qvel[..., dof], f"position ({metres})": location.qpos[..., position]}
     figure, axes = plt.subplots(2, 1, figsize=(WIDTH, 4.2), sharey=True)
