@@ -47,18 +47,23 @@ def black_box(simulator: Simulator, windows: Windows, location: Location) -> Pla
     count = location.time.size  # a recording without commands has no numbers in that part
     inputs = np.concatenate([part.reshape(count, part.shape[2]) for part in parts], 1)
     target = location.force.reshape(-1, location.force.shape[2])
+    # At the end of a window a force hardly shows: what is read there counts as little as it is sure.
+    deviation = location.deviation.reshape(target.shape)
+    sure = np.minimum(np.quantile(deviation, 0.25, axis=0) / np.maximum(deviation, 1e-300), 1.0)
     groups = np.repeat(np.arange(len(windows.runs)) % FOLDS, location.time.shape[1])
     if len(windows.runs) < FOLDS:  # pieces of few windows are left out where windows cannot be
         groups = np.arange(count) % FOLDS
-    best = min((_left_out(inputs, target, groups, width, ridge), width, ridge) for width in WIDTHS for ridge in RIDGES)
-    learned = _learn(inputs, target, *best[1:])
+    best = min(
+        (_left_out(inputs, target, sure, groups, width, ridge), width, ridge) for width in WIDTHS for ridge in RIDGES
+    )
+    learned = _learn(inputs, target, sure, *best[1:])
     effect = Effect(
         "black_box", "residual", "", "", "", "force", (), lambda m, c: [], lambda s, m, k: [], learned.force, {}
     )
     return Placed(effect, "all", {})
 
 
-def _learn(inputs, target, width: float, ridge: float) -> Regression:
+def _learn(inputs, target, sure, width: float, ridge: float) -> Regression:
     rng = np.random.default_rng(0)
     size = inputs.shape[1]
     blank = Regression(
@@ -68,14 +73,18 @@ def _learn(inputs, target, width: float, ridge: float) -> Regression:
         rng.uniform(0, 2 * np.pi, FEATURES),
     )
     features = blank.features(inputs)
-    weights = np.linalg.solve(features.T @ features + ridge * np.eye(FEATURES), features.T @ target)
-    return Regression(blank.mean, blank.spread, blank.directions, blank.phases, weights)
+    weights = []
+    for force, own in zip(target.T, sure.T, strict=True):
+        rows = features * own[:, None]
+        weights.append(np.linalg.solve(rows.T @ rows + ridge * np.eye(FEATURES), rows.T @ (force * own)))
+    return Regression(blank.mean, blank.spread, blank.directions, blank.phases, np.stack(weights, 1))
 
 
-def _left_out(inputs, target, groups, width: float, ridge: float) -> float:
-    scale, error = np.maximum(target.std(0), 1e-300), 0.0
+def _left_out(inputs, target, sure, groups, width: float, ridge: float) -> float:
+    scale, error = np.maximum((target * sure).std(0), 1e-300), 0.0
     for fold in range(FOLDS):
         out = groups == fold
-        learned = _learn(inputs[~out], target[~out], width, ridge)
-        error += float((((learned.features(inputs[out]) @ learned.weights - target[out]) / scale) ** 2).sum())
+        learned = _learn(inputs[~out], target[~out], sure[~out], width, ridge)
+        missed = (learned.features(inputs[out]) @ learned.weights - target[out]) * sure[out]
+        error += float(((missed / scale) ** 2).sum())
     return error
