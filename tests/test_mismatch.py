@@ -11,7 +11,8 @@ from planted import NOISE, record
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
-from fimpact.mismatch.diagnose import diagnose, to_json, unit_at
+from fimpact.mismatch.colour import colour, disturbance, generalised
+from fimpact.mismatch.diagnose import diagnose, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit
 from fimpact.mismatch.fit import restarted
@@ -222,6 +223,41 @@ def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
         rivals = [rival(name, weight) for name, weight in weights.items()]
         monkeypatch.setattr("fimpact.mismatch.name.weigh", lambda bench, pulses, held_out, given: given)
         assert "".join(r.placed[0].effect.name for r in search.ranked(rivals)) == expected
+
+
+def shaken(fitted, by):
+    """`fitted` with each window's residual multiplied by `by`, (w,)."""
+    return replace(fitted, point=replace(fitted.point, residual=fitted.point.residual * by[:, None]))
+
+
+def test_what_no_force_explains_may_be_louder_than_the_sensors(nothing):
+    fitted, found = nothing.naming.naive.fitted, nothing.naming.pulses
+    every = np.ones(len(fitted.point.residual))
+    quiet, loud = (disturbance(shaken(fitted, size * every), found) for size in (1.0, 4.0))
+    assert quiet.noise == pytest.approx(1.0, abs=0.1)
+    assert loud.noise == pytest.approx(4.0 * quiet.noise, rel=0.1)
+
+
+def test_one_loud_window_decides_nothing(nothing):
+    fitted, found = nothing.naming.naive.fitted, nothing.naming.pulses
+    shade = colour(found, disturbance(fitted, found))
+    size = np.ones(len(fitted.point.residual))
+    calm = generalised([fitted], [shade])
+    size[0] = 100.0
+    loud = generalised([shaken(fitted, size)], [shade])
+    moved = np.abs(loud.step - calm.step) / np.sqrt(np.diag(calm.covariance))
+    assert moved.max() < 3
+    assert loud.squares[0][0] > 1000 * calm.squares[0][0]
+    assert loud.deviances[0][0] < 20 * calm.deviances[0][0]
+    np.testing.assert_allclose(calm.deviances[0], calm.squares[0], rtol=0.1)
+
+
+def test_the_verdict_names_nothing_for_sure_that_held_out_runs_refuse(friction):
+    refused = replace(friction.evidence, low=-0.01)
+    assert verdict(friction.naming, friction.recording, friction.location, friction.evidence).startswith("Missing")
+    said = verdict(friction.naming, friction.recording, friction.location, refused)
+    assert "does not improve held-out runs" in said
+    assert not said.startswith("Missing")
 
 
 def test_an_effect_at_its_bound_does_nothing():

@@ -65,7 +65,7 @@ STAGES = {
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
     + "scene stage replay gif examples".split(),
     "diagnose_recording": [*READ, *LAWS, *NAMING, "mismatch/per_run", "mismatch/shape"]
-    + "looks scene stage gif motion film report_figures report diagnose_recording".split(),
+    + "looks scene stage gif motion film added_force report_figures report diagnose_recording".split(),
     "compare_recording": [*READ, *OTHERS, *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
     + ["effects/base", "effects/native", "compare_recording"],
     "recordings_summary": ["__init__", "tables", "rig_summary"],

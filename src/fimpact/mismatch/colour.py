@@ -164,9 +164,9 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
     for _ in range(REWEIGHTED):
         hessian, slope = np.diag(prior**-2.0), np.append(-fits[0].pull, 0 * clock)
         for linear, left, place, weight in zip(linears, lefts, places, weights, strict=True):
-            weighed = linear.projected * weight[:, None, None]
-            hessian[np.ix_(place, place)] += np.einsum("wma,wmb->ab", weighed, linear.projected)
-            slope[place] += np.einsum("wma,wm->a", weighed, left)
+            information, score = _weighted(linear.projected, left, weight)
+            hessian[np.ix_(place, place)] += information
+            slope[place] += score
         free_ = scale * ~(((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0)))
         step = free_ * np.linalg.lstsq(hessian * np.outer(free_, free_), slope * free_, rcond=1e-12)[0]
         step = np.clip(z + step, low, high) - z
@@ -178,3 +178,9 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
     scaled = hessian * np.outer(scale, scale)
     inverse = np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)
     return Generalised(squares, samples, step[:k], inverse[:k, :k])
+
+
+def _weighted(projected: np.ndarray, left: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Information (c, c) and score (c,) of windows that count by `weight`, (w,)."""
+    own = projected * weight[:, None, None]
+    return np.einsum("wma,wmb->ab", own, projected), np.einsum("wma,wm->a", own, left)

@@ -16,6 +16,7 @@ from fimpact.recordings import FIELDS, Recording
 
 SCHEMA = 1
 Z95 = 1.959964
+BLIND = 1e-12  # width of an interval, in the coefficient's unit, below which it was never moved
 SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
 
 
@@ -48,10 +49,11 @@ def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line
     progress("locating what it leaves unexplained")
     location = locate(made.training, naming.naive.fitted, naming.pulses)
     evidence = weigh_evidence(made, naming.naive, naming.best)
-    return Diagnosis(recording, made, naming, location, evidence, _verdict(naming, recording, location, evidence))
+    return Diagnosis(recording, made, naming, location, evidence, verdict(naming, recording, location, evidence))
 
 
-def _verdict(naming: Naming, recording: Recording, location: Location, evidence: Evidence) -> str:
+def verdict(naming: Naming, recording: Recording, location: Location, evidence: Evidence) -> str:
+    """What was found, in one or two sentences."""
     if naming.answer == "none":
         return "Nothing is missing that these recordings can show."
     if naming.answer == "unnamed":
@@ -59,6 +61,8 @@ def _verdict(naming: Naming, recording: Recording, location: Location, evidence:
     found = "; ".join(in_words(naming, recording, p) for p in naming.best.placed)
     others = [m.name for m in naming.members[1:]]
     unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
+    if not evidence.low > 0:
+        return f"Something is missing, but the likeliest name does not improve held-out runs: {found}.{unsure}"
     share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
     more = " Something beside it is missing that the catalogue cannot name." if naming.beside else ""
     return f"Missing: {found}. {share}{unsure}{more}"
@@ -67,6 +71,8 @@ def _verdict(naming: Naming, recording: Recording, location: Location, evidence:
 def in_words(naming: Naming, recording: Recording, placed) -> str:
     """An effect with values, 95 % intervals and units: ``coulomb at joint_2 (friction 0.0020 ± 0.0001 N m)``."""
     rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name]
+    # What no recording shows stays where it began, with no width at all: that is not knowledge.
+    rows = [row for row in rows if row["high"] - row["low"] > BLIND] or rows
     values = ", ".join(
         f"{r['name']} {r['after']:.3g} ± {_half((r['high'] - r['low']) / 2)} {r['unit']}".strip() for r in rows
     )

@@ -125,13 +125,13 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
         steps.append(_step(search, best, TRACE * explained(found[0], naive.fitted, best.fitted)))
         if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
             break
-        told = steps[-1].rivals
-        if len(told[0].placed) > 1:
-            told = _reconsider(search, told)
-        further = sharpened(bench, found[0], numerics(bench, told[0]))
+        ranked = steps[-1].rivals
+        if len(ranked[0].placed) > 1:
+            ranked = _reconsider(search, ranked)
+        further = sharpened(bench, found[0], numerics(bench, ranked[0]))
         if idle(further):
             break
-        best, rivals = further, told
+        best, rivals = further, ranked
     return _answer(search, naive, steps, best, rivals[1:])
 
 
