@@ -15,7 +15,7 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis
 
-DEEP, SMALLER = 0.999, 1e-3  # concealment beyond which a probe is repeated at this share of its size
+DEEP, SMALLER = 0.98, 1e-2  # concealment beyond which a probe is repeated at this share of its size
 INVISIBLE = 1e-3  # standard deviations: a probe that shows less, all samples together, is not a candidate
 
 
