@@ -22,6 +22,7 @@ CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its 
 FEW = 8  # windows
 SIZES = (-9.0, 20.0)  # log of the variance, in units of what the sensors show of it
 REWEIGHTED = 4  # passes; the first counts all windows alike
+PASSES = 3  # of a disturbance and the effect beside it in turn
 MEMORIES = (-1.0, 3.5)  # log of the memory, in bins
 
 
@@ -112,10 +113,33 @@ def colour(found: Pulses, pushing: Disturbance) -> Colour:
     return Colour(directions, np.sqrt(1 + (size / pushing.noise) ** 2), found.clocks, pushing.noise)
 
 
-def coloured(fitted: Fit, found: Pulses) -> Fit:
-    """`fitted` with its problem in units in which disturbances are white noise, and with a clock of its own for each
-    run as further coordinates."""
-    shade = colour(found, disturbance(fitted, found))
+def beside(fitted: Fit, found: Pulses, change: np.ndarray) -> Disturbance:
+    """The disturbance left by `fitted` and as much of a candidate as suits it best, which does `change`, (w, m): beside
+    `fitted` alone a missing effect passes for a disturbance, in which it hides."""
+    pushing = disturbance(fitted, found)
+    for _ in range(PASSES):
+        point = replace(fitted.point, residual=_without(fitted, colour(found, pushing), change))
+        pushing = disturbance(replace(fitted, point=point), found)
+    return pushing
+
+
+def _without(fitted: Fit, shade: Colour, change: np.ndarray) -> np.ndarray:
+    """Residual, (w, m), one generalised step away, `change` among the coordinates."""
+    linear, plain = shade.apply(fitted.linear), np.concatenate([fitted.linear.raw, shade.clocks, change[..., None]], 2)
+    columns = linear.off(plain)
+    prior = np.append(shade.with_clocks(fitted.coordinates.sd, CLOCK), np.inf)
+    scale = np.append(shade.with_clocks(fitted.scale, CLOCK), 1 / np.sqrt(max((columns[..., -1] ** 2).sum(), 1e-300)))
+    hessian = np.einsum("wma,wmb->ab", columns, columns) + np.diag(prior**-2.0)
+    slope = np.einsum("wma,wm->a", columns, linear.off(fitted.point.residual))
+    slope -= np.append(shade.with_clocks(fitted.pull, 0.0), 0.0)
+    step = scale * np.linalg.lstsq(hessian * np.outer(scale, scale), slope * scale, rcond=1e-12)[0]
+    return fitted.point.residual - plain @ step
+
+
+def coloured(fitted: Fit, found: Pulses, pushing: Disturbance | None = None) -> Fit:
+    """`fitted` with its problem in units in which disturbances, `pushing` or those that it leaves, are white noise, and
+    with a clock of its own for each run as further coordinates."""
+    shade = colour(found, pushing or disturbance(fitted, found))
     linear, prior = shade.apply(fitted.linear), shade.with_clocks(fitted.coordinates.sd, CLOCK)
     precision = np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(prior**-2.0)
     scale, pull = shade.with_clocks(fitted.scale, CLOCK), shade.with_clocks(fitted.pull, 0.0)

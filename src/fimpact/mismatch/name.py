@@ -11,7 +11,7 @@ import numpy as np
 
 from fimpact.effects.base import Effect
 from fimpact.mismatch.calibrate import adjusted, background
-from fimpact.mismatch.colour import FEW, colour, coloured, disturbance, generalised
+from fimpact.mismatch.colour import FEW, beside, colour, coloured, disturbance, generalised
 from fimpact.mismatch.explain import Explanation, explain, numerics, refit, sharpened, without
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, base_fit
@@ -19,7 +19,7 @@ from fimpact.mismatch.nameless import nameless
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.pulses import Pulses, pulses
 from fimpact.mismatch.scales import scales
-from fimpact.mismatch.score import Candidate, proposals, rescore, screen, two_sided
+from fimpact.mismatch.score import Candidate, proposals, rescore, score, screen, two_sided
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import both, dispersion, explained, members, predicted, weigh
 
@@ -172,7 +172,7 @@ def _step(search: Search, current: Explanation, least: float = 0.0, refits: int 
     screened = sorted(rescore(bench.training, fitted, others), key=lambda c: -c.gain)
     if not screened:
         return Step([], np.zeros(0), [])
-    p = family_p(search.pulses, fitted, screened)
+    p = family_p(search.pulses, *_beside(search, current.fitted, screened))
     step = Step(screened, p, [])
     if step.least > (FURTHER if current.placed else ALARM) or screened[0].gain < least:
         return step
@@ -183,6 +183,12 @@ def _step(search: Search, current: Explanation, least: float = 0.0, refits: int 
         rivals.append(refit(bench, current, candidate))
     rivals = [r for r in rivals if np.isfinite(r.deviance)]
     return replace(step, rivals=search.ranked(rivals))
+
+
+def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit, list[Candidate]]:
+    """`fitted` and the candidates, in the same order, under the disturbance that is left beside the strongest."""
+    apart = coloured(fitted, search.pulses, beside(fitted, search.pulses, screened[0].change))
+    return apart, [score(search.bench.training, apart, c.placed, c.change) for c in screened]
 
 
 def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
