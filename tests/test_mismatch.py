@@ -11,7 +11,7 @@ from planted import NOISE, record
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
-from fimpact.mismatch.colour import colour, disturbance, generalised
+from fimpact.mismatch.colour import beside, colour, disturbance, generalised
 from fimpact.mismatch.diagnose import diagnose, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit
@@ -236,6 +236,12 @@ def test_what_no_force_explains_may_be_louder_than_the_sensors(nothing):
     quiet, loud = (disturbance(shaken(fitted, size * every), found) for size in (1.0, 4.0))
     assert quiet.noise == pytest.approx(1.0, abs=0.1)
     assert loud.noise == pytest.approx(4.0 * quiet.noise, rel=0.1)
+
+
+def test_a_missing_effect_does_not_hide_in_the_disturbance_that_it_is_taken_for(friction):
+    fitted, found = friction.naming.naive.fitted, friction.naming.pulses
+    strongest = friction.naming.steps[0].screened[0]
+    assert beside(fitted, found, strongest.change).sd.max() < disturbance(fitted, found).sd.max() / 4
 
 
 def test_one_loud_window_decides_nothing(nothing):
