@@ -120,7 +120,7 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
     found = pulses(bench.training, naive.fitted), pulses(bench.held_out, naive.judged)
     naive = sharpened(bench, found[0], naive)
     search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), *found, progress)
-    best, rivals, steps = naive, [], []
+    best, rivals, steps, known = naive, [], [], set()
     while len(best.placed) < LARGEST:
         steps.append(_step(search, best, TRACE * explained(found[0], naive.fitted, best.fitted)))
         if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
@@ -128,6 +128,9 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
         ranked = steps[-1].rivals
         if len(ranked[0].placed) > 1:
             ranked = _reconsider(search, ranked)
+        if ranked[0].name in known:
+            break  # what is left was weighed before: from here on names would take turns for ever
+        known |= {r.name for r in ranked}
         further = sharpened(bench, found[0], numerics(bench, ranked[0]))
         if idle(further):
             break
