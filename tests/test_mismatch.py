@@ -17,7 +17,7 @@ from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
-from fimpact.mismatch.name import Naming, Search, idle, name
+from fimpact.mismatch.name import Naming, Search, build, idle, name
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
@@ -223,6 +223,28 @@ def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
         rivals = [rival(name, weight) for name, weight in weights.items()]
         monkeypatch.setattr("fimpact.mismatch.name.weigh", lambda bench, pulses, held_out, given: given)
         assert "".join(r.placed[0].effect.name for r in search.ranked(rivals)) == expected
+
+
+def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(monkeypatch):
+    def explained(name):
+        return SimpleNamespace(name=name, placed=name.replace("none", "").split("+"), fitted=None)
+
+    rounds = iter(["payload", "com_shift+payload", "com_shift+payload"])
+    left = iter(["com_shift", "payload"])
+
+    def stub(name, value):
+        monkeypatch.setattr(f"fimpact.mismatch.name.{name}", value)
+
+    stub("_step", lambda *_: SimpleNamespace(rivals=[explained(next(rounds))]))
+    stub("_reconsider", lambda *_: [explained(next(left))])
+    stub("explained", lambda *_: 0.0)
+    stub("_worthwhile", lambda *_: True)
+    stub("numerics", lambda _, explanation: explanation)
+    stub("sharpened", lambda _, __, explanation: explanation)
+    stub("idle", lambda _: False)
+    steps, best, _ = build(Search(None, (), None, None, print), SimpleNamespace(placed=(), fitted=None))
+    assert best.name == "com_shift"
+    assert len(steps) == 3
 
 
 def shaken(fitted, by):

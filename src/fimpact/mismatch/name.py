@@ -111,41 +111,6 @@ class Naming:
         return {m.name: m.weight for m in self.members} or {self.answer: 1.0 - ALARM}
 
 
-def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None] = print) -> Naming:
-    """Find what is missing from the naive model of the recording behind `bench`."""
-    simulator = bench.training.simulator
-    naive = explain(*base_fit(bench, coordinates(simulator), Hypothesis(simulator.theta)))
-    tried = proposals(effects, bench.training, scales(bench.training, naive.fitted.point))
-    progress(f"screening {len(tried)} candidates")
-    found = pulses(bench.training, naive.fitted), pulses(bench.held_out, naive.judged)
-    naive = sharpened(bench, found[0], naive)
-    search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), *found, progress)
-    best, rivals, steps, known = naive, [], [], set()
-    while len(best.placed) < LARGEST:
-        steps.append(_step(search, best, TRACE * explained(found[0], naive.fitted, best.fitted)))
-        if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
-            break
-        ranked = steps[-1].rivals
-        if len(ranked[0].placed) > 1:
-            ranked = _reconsider(search, ranked)
-        if ranked[0].name in known:
-            break  # what is left was weighed before: from here on names would take turns for ever
-        known |= {r.name for r in ranked}
-        further = sharpened(bench, found[0], numerics(bench, ranked[0]))
-        if idle(further):
-            break
-        best, rivals = further, ranked
-    return _answer(search, naive, steps, best, rivals[1:])
-
-
-def idle(explanation: Explanation) -> bool:
-    """Whether an effect was added that, once fitted, does nothing: one step promised what its bounds do not allow."""
-    return any(
-        all(p.values[c.name] == p.effect.neutral[c.name] for c in p.effect.coefficients if not c.shape)
-        for p in explanation.placed
-    )
-
-
 @dataclass(frozen=True)
 class Search:
     """What every round needs: the problems, the candidates as screened at the naive fit, the sensitivities to forces in
@@ -164,6 +129,47 @@ class Search:
         even = [r for r in weighed if r.weight >= EVEN * weighed[0].weight]
         first = min(even, key=lambda r: order.index(r.placed[-1].effect.name), default=None)
         return sorted(weighed, key=lambda r: r is not first)
+
+
+def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None] = print) -> Naming:
+    """Find what is missing from the naive model of the recording behind `bench`."""
+    simulator = bench.training.simulator
+    naive = explain(*base_fit(bench, coordinates(simulator), Hypothesis(simulator.theta)))
+    tried = proposals(effects, bench.training, scales(bench.training, naive.fitted.point))
+    progress(f"screening {len(tried)} candidates")
+    found = pulses(bench.training, naive.fitted), pulses(bench.held_out, naive.judged)
+    naive = sharpened(bench, found[0], naive)
+    search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), *found, progress)
+    return _answer(search, naive, *build(search, naive))
+
+
+def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, list[Explanation]]:
+    """Add the best effect and ask again, for as long as that is worthwhile and new: every round, the explanation they
+    end with, and its rivals."""
+    best, rivals, steps, known = naive, [], [], set()
+    while len(best.placed) < LARGEST:
+        steps.append(_step(search, best, TRACE * explained(search.pulses, naive.fitted, best.fitted)))
+        if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
+            break
+        ranked = steps[-1].rivals
+        if len(ranked[0].placed) > 1:
+            ranked = _reconsider(search, ranked)
+        if ranked[0].name in known:
+            break  # what is left was weighed before: from here on names would take turns for ever
+        known |= {r.name for r in ranked}
+        further = sharpened(search.bench, search.pulses, numerics(search.bench, ranked[0]))
+        if idle(further):
+            break
+        best, rivals = further, ranked
+    return steps, best, rivals[1:]
+
+
+def idle(explanation: Explanation) -> bool:
+    """Whether an effect was added that, once fitted, does nothing: one step promised what its bounds do not allow."""
+    return any(
+        all(p.values[c.name] == p.effect.neutral[c.name] for c in p.effect.coefficients if not c.shape)
+        for p in explanation.placed
+    )
 
 
 def _step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS) -> Step:
