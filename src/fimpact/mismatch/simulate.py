@@ -85,6 +85,7 @@ class Simulator:
         self.base.opt.timestep = recording.period / self.substeps
         self.columns = np.array([_sensor_column(self.base, name) for name in recording.channels])
         self._engine = Rollout(nthread=0)
+        self._last: tuple = ()
 
     @cached_property
     def theta(self) -> np.ndarray:
@@ -102,20 +103,33 @@ class Simulator:
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
+    def _models(self, hypothesis: Hypothesis, count: int = 0) -> tuple[mujoco.MjModel, list[mujoco.MjModel]]:
+        """The model under `hypothesis` and at least `count` copies, as made for the last prediction where they are of
+        the same parameters: most hypotheses that follow one another differ in states and laws only."""
+        fields = [(p.name, sorted(p.values.items())) for p in hypothesis.placed if p.effect.enters == "model"]
+        key = hypothesis.theta.tobytes(), repr(fields)
+        if not self._last or self._last[0] != key:
+            self._last = key, self.model(hypothesis), []
+        _, model, copies = self._last
+        copies += [copy.copy(model) for _ in range(count - len(copies))]
+        return model, copies[:count]
+
     def predict(self, hypothesis, windows: Windows, qpos, qvel, push: np.ndarray | None = None) -> np.ndarray:
         """Measurements, (w, T, ny), from states qpos (w, nq), qvel (w, nv) at the start of each window.
 
         Args:
             push: generalised force (w or 1, T, nv) added in each sample, N or N m.
         """
-        model = self.model(hypothesis)
+        # Friction that changes is a field of the model, and a model for each window.
+        own = len(qpos) * any(placed.effect.enters == "friction" for placed in hypothesis.placed)
+        model, copies = self._models(hypothesis, own)
         signal = self._signal(windows, windows.length * self.substeps)
         ctrl, instant = self._commands(hypothesis, windows, signal)
         force = np.zeros((1, ctrl.shape[1], model.nv)) if push is None else np.repeat(push, self.substeps, 1)
         laws = [placed for placed in hypothesis.placed if placed.effect.enters in ("force", "friction")]
         run = self._lockstep if laws else self._rollout
         force = np.broadcast_to(force, (len(ctrl), *force.shape[1:]))
-        sensed = run(model, signal, ctrl, instant, force, qpos, qvel, laws)
+        sensed = run(model, copies, signal, ctrl, instant, force, qpos, qvel, laws)
         measured = sensed[:, :: self.substeps, self.columns]
         coarse = self._signal(windows, windows.length, self.recording.period)
         for placed in hypothesis.placed:
@@ -131,7 +145,7 @@ class Simulator:
         state = self._engine.rollout(model, self.data, self._pack(qpos, qvel), control, control_spec=CONTROL)[0]
         return state[:, :, 1 : 1 + model.nq], state[:, :, 1 + model.nq : 1 + model.nq + model.nv]
 
-    def _rollout(self, model, signal, ctrl, instant, force, qpos, qvel, laws):
+    def _rollout(self, model, copies, signal, ctrl, instant, force, qpos, qvel, laws):
         control, start = np.concatenate([ctrl, force], 2), self._pack(qpos, qvel)
         state, sensed = self._engine.rollout(model, self.data, start, control, control_spec=CONTROL)
         if instant is not None:
@@ -142,14 +156,11 @@ class Simulator:
             sensed[:, :: self.substeps] = read.reshape(*before.shape[:2], -1)
         return sensed
 
-    def _lockstep(self, model, signal, ctrl, instant, force, qpos, qvel, laws):
+    def _lockstep(self, model, copies, signal, ctrl, instant, force, qpos, qvel, laws):
         state, memory = self._pack(qpos, qvel), {}
         before, after, (w, steps) = state, np.empty((len(state), 1, state.shape[1])), ctrl.shape[:2]
         sensed = np.empty((steps, w, 1, model.nsensordata))
-        # Friction that changes is a field of the model, and a model for each window.
-        models = (
-            [copy.copy(model) for _ in range(w)] if any(p.effect.enters == "friction" for p in laws) else [model] * w
-        )
+        models = copies or [model] * w
         for k in range(steps):
             # Half a step ahead, so that holding the force over the step is accurate to second order.
             ahead = state + (state - before) / 2
@@ -166,7 +177,7 @@ class Simulator:
             limits = np.tile(model.dof_frictionloss, (w, 1))
             for law in laws:
                 _act(law, seen, pull, limits)
-            for own, row in zip(models, limits, strict=True) if models[0] is not model else ():
+            for own, row in zip(copies, limits, strict=True) if copies else ():
                 own.dof_frictionloss[:] = row
             control = np.concatenate([ctrl[:, k], pull], 1)[:, None]
             sizes = {"nstep": 1, "control_spec": CONTROL, "skip_checks": True}
