@@ -176,6 +176,7 @@ def test_the_shipped_benchmarks_are_valid():
         ("lambda: {single: [0, 3]}", ["concealed.lambda.single[0] is 0", "greater than 0"]),
         ("compared: 2", ["concealed.compared is 2", "at most 1"]),
         ("refitted: 0.5", ["concealed.refitted is 0.5", "at most concealed.compared, 0.3333"]),
+        ("gathered: some", ["concealed.gathered is 'some'", "all, scored"]),
         ("results: out/", ["concealed.results is 'out/'", "without a slash at its end"]),
         ('cases: {single: 0, "null": 0, double: 0, outside: 0, twin: 0}', ["at least one case"]),
     ],
@@ -191,3 +192,13 @@ def test_a_mistake_gets_one_clear_line(override, parts):
 def test_the_schema_knows_the_rigs():
     rigs = yaml.safe_load(SCHEMA.read_text())["properties"]["concealed"]["properties"]["rigs"]
     assert set(rigs["items"]["enum"]) == set(RIGS)
+
+
+def test_what_is_scored_can_be_read_before_the_rest_is(fresh, tmp_path):
+    override = ["--config", f"concealed={{results: {tmp_path}/half, gathered: scored}}"]
+    refused = snakemake(fresh, "concealed", *SMOKE, *override, "-n")
+    assert "holds no part yet" in refused.stderr + refused.stdout
+    part = tmp_path / "half" / "scores" / "2-of-2.jsonl"
+    part.parent.mkdir(parents=True)
+    part.touch()
+    assert "score" not in planned(fresh, "concealed", *SMOKE, *override)

@@ -164,8 +164,14 @@ def compared_cases(share="compared"):
 
 
 def parts_of_cases(folder):
-    """Files of all parts in `folder`."""
-    return scattered(gather.cases, case_names(BENCHMARK), f"<concealed>/{folder}/{{scatteritem}}.jsonl")
+    """Files of all parts in `folder`, or of those that are there."""
+    pattern = f"{BENCHMARK['results']}/{folder}/{{scatteritem}}.jsonl"
+    every = scattered(gather.cases, case_names(BENCHMARK), pattern)
+    if BENCHMARK.get("gathered", "all") == "all":
+        return every
+    return [path for path in every if Path(path).exists()] or sys.exit(
+        f"{BENCHMARK['results']}/{folder} holds no part yet; leave out concealed.gathered, or wait until one is"
+    )
 
 
 def case_inputs(wildcards):
