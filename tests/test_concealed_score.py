@@ -1,5 +1,7 @@
 """The claim's lines and pictures, from tables whose answers are known."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,6 +19,8 @@ from fimpact.concealed.rows import as_lines, each, read_rows, runs_of
 from fimpact.concealed.score import COLUMNS, gather, score_case
 from fimpact.concealed.truth import Planted, Truth
 
+ROOT = Path(__file__).parents[1]
+REFERENCE = ROOT / "results" / "reference" / "concealed" / "cases.csv"
 SETTINGS = {
     "seed": 5,
     "cases": {"single": 6, "null": 3, "double": 2, "outside": 1, "twin": 2},
@@ -266,3 +270,10 @@ def test_parts_are_gathered_in_order(recording, tmp_path):
         (tmp_path / name).write_text(as_lines([row | {"job_seconds": 1.0}]))
     table = gather([tmp_path / "02", tmp_path / "01"])
     assert table.case.tolist() == ["01", "02"] and list(table.columns[: len(COLUMNS)]) == COLUMNS
+
+
+@pytest.mark.skipif(not REFERENCE.exists(), reason=f"the benchmark's table was not committed yet: {REFERENCE}")
+def test_the_readme_shows_the_committed_measures():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    shown = readme.partition("<!-- concealed -->\n")[2].partition("<!-- /concealed -->")[0]
+    assert shown == measures.to_markdown(measures.read_cases(REFERENCE))

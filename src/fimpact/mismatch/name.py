@@ -181,7 +181,9 @@ def _step(search: Search, current: Explanation, least: float = 0.0, refits: int 
     screened = sorted(rescore(bench.training, fitted, others), key=lambda c: -c.gain)
     if not screened:
         return Step([], np.zeros(0), [])
-    p = family_p(search.pulses, *_beside(search, current.fitted, screened))
+    # What one step leaves of a large effect is no disturbance: there the disturbance before it is the better judge.
+    judges = (fitted, screened), _beside(search, current.fitted, screened)
+    p = np.minimum(*(family_p(search.pulses, *judge) for judge in judges))
     step = Step(screened, p, [])
     if step.least > (FURTHER if current.placed else ALARM) or screened[0].gain < least:
         return step
