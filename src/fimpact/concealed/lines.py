@@ -54,7 +54,7 @@ def percent(value: float) -> str:
 
 def number(unit: str = "", digits: int = 2) -> Callable[[float], str]:
     """A way to write numbers of this unit."""
-    return lambda value: f"{value:,.{digits}f}{unit}"
+    return lambda value: f"{value:,.{digits}f}{unit}".replace("-", "−")
 
 
 def share(what: str, good: pd.Series, sign: int = 0, bar: float = np.nan, aim: float = np.nan) -> Measure:

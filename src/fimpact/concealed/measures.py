@@ -221,7 +221,7 @@ PARTS = (_detection, _naming, _confidence, _location, _improvement, _several, _t
 def to_markdown(cases: pd.DataFrame) -> str:
     """Both tables: what was demanded, and the comparators on the share of the cases that they ran on."""
     claim, peers = measure(cases), _peers(cases)
-    counts = ", ".join(f"{n} {kind}" for kind, n in cases.kind.value_counts(sort=False).items())
+    counts = ", ".join(f"{n} {kind}" for kind, n in cases.kind.value_counts().sort_index().items())
     failed = int((cases.status != "done").sum())
     compared, refitted = (int(cases[column].notna().sum()) for column in ("heldout_blackbox", "answer_refit_all"))
     return (

@@ -104,7 +104,7 @@ class Simulator:
         return model
 
     def _models(self, hypothesis: Hypothesis, count: int = 0) -> tuple[mujoco.MjModel, list[mujoco.MjModel]]:
-        """The model under `hypothesis` and at least `count` copies, as made for the last prediction where they are of
+        """The model under `hypothesis` and `count` copies, as made for the last prediction where they are of
         the same parameters: most hypotheses that follow one another differ in states and laws only."""
         fields = [(p.name, sorted(p.values.items())) for p in hypothesis.placed if p.effect.enters == "model"]
         key = hypothesis.theta.tobytes(), repr(fields)
