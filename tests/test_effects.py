@@ -108,7 +108,8 @@ def scales(name):
     """Natural magnitudes of a rig."""
     force, speed, travel, command, mass, length = SCALES[name]
     measured = np.full(len(RIGS[name].channels), 0.5)
-    return Scales(force, speed, travel, command, command, measured, mass, length, 9.81, PERIOD, 1.0)
+    middle = np.zeros_like(travel)
+    return Scales(force, speed, travel, middle, command, command, measured, mass, length, 9.81, PERIOD, 1.0)
 
 
 def play(rig, model, ctrl, push=None, limit=None):

@@ -17,13 +17,14 @@ from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
-from fimpact.mismatch.name import Naming, Search, build, idle, name
+from fimpact.mismatch.name import Naming, build, idle, name
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis, Simulator, cut
 from fimpact.mismatch.starts import noise_level
+from fimpact.mismatch.step import Search
 
 FRICTION = 0.004  # N m
 

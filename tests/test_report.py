@@ -13,8 +13,9 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.locate import locate
-from fimpact.mismatch.name import Naming, Step
+from fimpact.mismatch.name import Naming
 from fimpact.mismatch.pulses import pulses
+from fimpact.mismatch.step import Step
 from fimpact.report import describe_inputs, pair, short, to_text, words, write_report
 
 

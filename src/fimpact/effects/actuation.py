@@ -9,7 +9,7 @@ from fimpact.effects.base import Coefficient, Effect, Signal
 from fimpact.effects.native import exporting
 from fimpact.effects.sites import ALL
 
-LEVELS = (0.3, 0.6, 0.8, 0.95)  # of the largest force
+LEVELS = (0.3, 0.6, 0.8, 0.95, 0.99)  # of the largest force
 
 
 def gain(model, site, change):

@@ -28,6 +28,11 @@ def travel(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
     return float(max(scales.travel[_dof(model, joint)], FLOOR * scales.length / _arm(scales, model, joint)))
 
 
+def middle(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
+    """Mean position of a joint, m or rad."""
+    return float(scales.middle[_dof(model, joint)])
+
+
 def drive(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
     """Root mean square force of an actuator, before its gear, N or N m."""
     return _actuation(scales.command, model, actuator)

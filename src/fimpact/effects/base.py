@@ -36,16 +36,17 @@ class Coefficient:
 class Scales:
     """Typical magnitudes in the recording at hand, from which probing amplitudes follow.
 
-    force, speed, travel: root mean square generalised force, speed and standard deviation of position of each
-    degree of freedom, (nv,) each. command, peak: root mean square and largest size of each actuator's command, (nu,)
-    each. measured:
-    standard deviation of each channel, (ny,). mass: total moving mass, kg. length: size of the mechanism, m.
-    gravity: m/s^2, 9.81 where the model has none. period: sampling period, s. duration: of the longest run, s.
+    force, speed, travel, middle: root mean square generalised force, speed, standard deviation and mean of position of
+    each degree of freedom, (nv,) each. command, peak: root mean square and largest size of each actuator's command,
+    (nu,) each. measured: standard deviation of each channel, (ny,). mass: total moving mass, kg. length: size of the
+    mechanism, m. gravity: m/s^2, 9.81 where the model has none. period: sampling period, s. duration: of the
+    longest run, s.
     """
 
     force: np.ndarray
     speed: np.ndarray
     travel: np.ndarray
+    middle: np.ndarray
     command: np.ndarray
     peak: np.ndarray
     measured: np.ndarray

@@ -9,6 +9,7 @@ from fimpact.effects.native import exporting
 
 INERTIAL = "Atkeson, An, Hollerbach, Int. J. Robotics Research 5(3), 1986"
 DOWN = np.array([0.0, 0.0, -9.81])  # m/s^2, for a model without gravity: a mechanism that lies in a horizontal plane
+RESTS = (-4.0, -1.0, 0.0, 1.0, 4.0)  # of a joint's travel, from its mean position
 ALONG = 0.7  # cosine above which an axis counts as parallel
 
 
@@ -138,12 +139,16 @@ def _com_probes(scales, model, site):
 def _spring_probes(scales, model, site):
     travel = amounts.travel(scales, model, site)
     stiffness = amounts.SMALL * amounts.force(scales, model, site) / travel
-    middle = float(model.qpos0[model.joint(site).qposadr[0]])
-    return [{"stiffness": stiffness, "rest": middle + side * travel} for side in (-1, 1)]
+    middle, sizes = amounts.middle(scales, model, site), map(float, np.hypot(1, RESTS))
+    # From a nearly constant pull over one that changes sign on the way to its opposite: rests between add up to these.
+    return [{"stiffness": stiffness / n, "rest": middle + far * travel} for far, n in zip(RESTS, sizes, strict=True)]
 
 
 def _hardening_probes(scales, model, site):
-    return [{"cubic": amounts.SMALL * amounts.force(scales, model, site) / amounts.travel(scales, model, site) ** 3}]
+    joint = model.joint(site)
+    away = amounts.middle(scales, model, site) - model.qpos_spring[joint.qposadr[0]]
+    stretch = float(np.hypot(away, amounts.travel(scales, model, site)))
+    return [{"cubic": amounts.SMALL * amounts.force(scales, model, site) / stretch**3}]
 
 
 def _cable_probes(scales, model, site):

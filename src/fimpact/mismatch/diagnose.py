@@ -11,7 +11,8 @@ from fimpact.effects import EFFECTS
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
 from fimpact.mismatch.judge import Bench, bench, squares
 from fimpact.mismatch.locate import Location, locate
-from fimpact.mismatch.name import Naming, Step, name
+from fimpact.mismatch.name import Naming, name
+from fimpact.mismatch.step import Step
 from fimpact.recordings import FIELDS, Recording
 
 SCHEMA = 1

@@ -23,6 +23,7 @@ def scales(problem: Problem, point: Point) -> Scales:
         force=_force(model, qpos, qvel),
         speed=_rms(qvel.reshape(-1, model.nv)),
         travel=_rms(travel)[_position_of_dof(model)],
+        middle=qpos.mean((0, 1))[_position_of_dof(model)],
         command=_rms(ctrl),
         peak=np.abs(ctrl).max(0, initial=0.0),
         measured=np.nanstd(windows.measured.reshape(-1, windows.measured.shape[2]), 0),

@@ -1,0 +1,144 @@
+"""Step: one round of naming. Screen every candidate beside what is fitted, refit the best few, weigh what they predict.
+
+Which are best is asked three times, because a large effect swells what passes for disturbances until its own name
+drowns in them: as screened, as if nothing but the sensors disturbed, and under what the best refitted so far leaves.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fimpact.mismatch.calibrate import adjusted, background
+from fimpact.mismatch.colour import beside, coloured, disturbance
+from fimpact.mismatch.explain import Explanation, refit
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.judge import Bench
+from fimpact.mismatch.pulses import Pulses
+from fimpact.mismatch.score import Candidate, rescore, score, two_sided
+from fimpact.mismatch.weigh import weigh
+
+ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
+FURTHER = 0.01  # the same for each further effect
+REFITS = 8  # candidates that are truly refitted in each step
+EASY, MORE = 20, 24  # windows up to which that costs little, and how many are refitted then
+LOUD, AGAIN = 4, 2  # the most refitted of each further ranking, and how often the best may be asked what it leaves
+RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
+CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
+TWIN = 0.8  # cosine with the best candidate above which one is refitted whatever it is predicted to gain
+EVEN = 0.5  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round: what was screened, with family-wise p of each, and what was refitted, best first."""
+
+    screened: list[Candidate]
+    p: np.ndarray
+    rivals: list[Explanation]
+
+    @property
+    def least(self) -> float:
+        """Family-wise p of the strongest candidate."""
+        return float(min((p for c, p in zip(self.screened, self.p, strict=True) if c.allowed), default=1.0))
+
+
+@dataclass(frozen=True)
+class Search:
+    """What every round needs: the problems, the candidates as screened at the naive fit, the sensitivities to forces in
+    training and held-out windows, and where progress is told."""
+
+    bench: Bench
+    candidates: tuple[Candidate, ...]
+    pulses: Pulses
+    held_out: Pulses
+    progress: Callable[[str], None]
+
+    def ranked(self, rivals: list[Explanation]) -> list[Explanation]:
+        """Rivals by weight; of those that the data find about equal, the first of the catalogue leads."""
+        weighed = weigh(self.bench, self.pulses, self.held_out, rivals)
+        order = [c.placed.effect.name for c in self.candidates]
+        even = [r for r in weighed if r.weight >= EVEN * weighed[0].weight]
+        first = min(even, key=lambda r: order.index(r.placed[-1].effect.name), default=None)
+        return sorted(weighed, key=lambda r: r is not first)
+
+
+def step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS) -> Step:
+    """Screen, and refit what is significant and predicted to gain more than `least`, the best `refits` of it."""
+    bench = search.bench
+    known = {p.name for p in current.placed}
+    others = [c for c in search.candidates if c.placed.name not in known]
+    fitted = coloured(current.fitted, search.pulses)
+    screened = _by_gain(search, fitted, others)
+    if not screened:
+        return Step([], np.zeros(0), [])
+    # What one step leaves of a large effect is no disturbance: there the disturbance before it is the better judge.
+    judges = (fitted, screened), _beside(search, current.fitted, screened)
+    p = np.minimum(*(family_p(search.pulses, *judge) for judge in judges))
+    found = Step(screened, p, [])
+    if found.least > (FURTHER if current.placed else ALARM) or screened[0].gain < least:
+        return found
+    most = refits if len(bench.training.windows.runs) > EASY else MORE
+    return replace(found, rivals=_rivals(search, current, screened, most))
+
+
+def _rivals(search: Search, current: Explanation, screened: list[Candidate], most: int) -> list[Explanation]:
+    """The best of each ranking, refitted, by weight."""
+    loud = shortlist(_by_gain(search, current.fitted, screened), min(most, LOUD))
+    rivals = _refitted(search, current, [], [*shortlist(screened, most), *loud])
+    for _ in range(AGAIN):
+        if not rivals:
+            break
+        left = coloured(current.fitted, search.pulses, disturbance(rivals[0].fitted, search.pulses))
+        found = _refitted(search, current, rivals, shortlist(_by_gain(search, left, screened), min(most, LOUD)))
+        if len(found) == len(rivals):
+            break
+        rivals = found
+    return rivals
+
+
+def _by_gain(search: Search, fitted: Fit, candidates: list[Candidate]) -> list[Candidate]:
+    return sorted(rescore(search.bench.training, fitted, candidates), key=lambda c: -c.gain)
+
+
+def _refitted(search: Search, current: Explanation, rivals: list[Explanation], wanted: list[Candidate]):
+    """`rivals` and those `wanted` that are not among them, ranked."""
+    known, new = {r.placed[-1].name for r in rivals}, {}
+    for candidate in wanted:
+        new.setdefault(candidate.placed.name, candidate)
+    for candidate in (c for n, c in new.items() if n not in known):
+        search.progress(f"refitting with {candidate.placed.name}")
+        rivals = [*rivals, refit(search.bench, current, candidate)]
+    return search.ranked([r for r in rivals if np.isfinite(r.deviance)])
+
+
+def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit, list[Candidate]]:
+    """`fitted` and the candidates, in the same order, under the disturbance that is left beside the strongest."""
+    apart = coloured(fitted, search.pulses, beside(fitted, search.pulses, screened[0].change))
+    return apart, [score(search.bench.training, apart, c.placed, c.change) for c in screened]
+
+
+def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
+    """The best probe of each effect and site, in falling order of predicted gain, as far as they are rivals or look
+    like the best."""
+    best: dict[str, Candidate] = {}
+    for candidate in screened:
+        best.setdefault(candidate.placed.name, candidate)
+    ranked = [c for c in best.values() if c.gain > 0]
+    # The larger an effect, the less can be said of it from one step.
+    least = RIVAL * ranked[0].gain + min(RIVAL * ranked[0].gain / 2, CLEAR) if ranked else 0.0
+    rivals = [c for c in ranked[:most] if c.gain >= least]
+    twins = [c for c in ranked if c.gain < least and abs(alike(c, ranked[0])) > TWIN]
+    return rivals + twins[: max(most - len(rivals), 1)]
+
+
+def alike(one: Candidate, other: Candidate) -> float:
+    """Cosine of the projected sensitivities."""
+    return float((one.column * other.column).sum() / np.sqrt(one.information * other.information))
+
+
+def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarray:
+    """p of each candidate beside `fitted`, adjusted for all of them, (c,)."""
+    columns = np.stack([c.column.ravel() for c in screened], 1)
+    sides = np.array([two_sided(c.placed.effect) for c in screened])
+    return adjusted(np.array([c.z for c in screened]), columns, sides, background(fitted, found))
