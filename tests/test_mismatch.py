@@ -14,17 +14,18 @@ from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.colour import beside, colour, disturbance, generalised
 from fimpact.mismatch.diagnose import diagnose, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
-from fimpact.mismatch.explain import explain, refit
+from fimpact.mismatch.explain import explain, price, refit, seen
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
 from fimpact.mismatch.name import Naming, build, idle, name
+from fimpact.mismatch.nameless import differences, nameless
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis, Simulator, cut
 from fimpact.mismatch.starts import noise_level
-from fimpact.mismatch.step import Search
+from fimpact.mismatch.step import Search, _rivals
 
 FRICTION = 0.004  # N m
 
@@ -222,8 +223,72 @@ def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
     search = Search(None, tuple(catalogue), None, None, print)
     for weights, expected in (({"b": 0.5, "a": 0.4, "c": 0.1}, "abc"), ({"b": 0.8, "a": 0.2}, "ba"), ({}, "")):
         rivals = [rival(name, weight) for name, weight in weights.items()]
-        monkeypatch.setattr("fimpact.mismatch.name.weigh", lambda bench, pulses, held_out, given: given)
+        monkeypatch.setattr("fimpact.mismatch.step.weigh", lambda bench, pulses, held_out, given: given)
         assert "".join(r.placed[0].effect.name for r in search.ranked(rivals)) == expected
+
+
+def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
+    """Screened, alone against the sensors, and beside what the best leaves: each ranking has its own favourite."""
+    rankings = {"screened": "a", "sensors": "b", "left": "c"}
+
+    def candidate(name):
+        return SimpleNamespace(placed=SimpleNamespace(name=name))
+
+    def stub(name, value):
+        monkeypatch.setattr(f"fimpact.mismatch.step.{name}", value)
+
+    stub("_by_gain", lambda search, fitted, given: [candidate(rankings[fitted])])
+    stub("shortlist", lambda ranking, most: ranking)
+    stub("refit", lambda bench, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0))
+    stub("disturbance", lambda *_: None)
+    stub("coloured", lambda *_: "left")
+    monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
+    search, current = Search(None, (), None, None, lambda _: None), SimpleNamespace(fitted="sensors")
+    assert [r.placed[-1].name for r in _rivals(search, current, [candidate("a")], 8)] == ["a", "b", "c"]
+
+
+def test_what_changes_nothing_costs_nothing(nothing):
+    bench, current = nothing.bench, nothing.naming.naive
+    shift = Placed(EFFECTS["com_shift"], "link_2", {"x": 0.001, "y": 0.001, "z": 0.001})
+    columns = bench.training.predict(*moved(current, shift)) - bench.training.predict(*moved(current))
+    assert np.abs(columns).max() > 0
+    across = replace(shift, values={"x": 0.0, "y": 0.0, "z": 0.001})
+    found = screen(bench.training, current.fitted, [shift, across])
+    assert [c.placed for c in found] == [shift]
+    explained = refit(bench, current, found[0])
+    assert list(seen(explained)) == [True, True, False]
+    assert price(explained) == pytest.approx(2 * np.log(sum(nothing_zero(part) for part in explained.parts)))
+
+
+def moved(explanation, *placed):
+    point = explanation.fitted.point
+    return Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel
+
+
+def nothing_zero(part):
+    return (part.point.residual != 0).sum()
+
+
+def test_an_effect_that_differs_from_run_to_run_has_no_name(nothing):
+    bench, fitted, found = nothing.bench, nothing.naming.naive.fitted, nothing.naming.pulses
+    runs, tried = bench.training.windows.runs, list(nothing.naming.steps[0].screened)
+    assert nameless(bench, fitted, found, tried)[0] > 0.01
+    gain = next(c for c in tried if c.placed.name == "gain@motor_2")
+    signs = np.where(runs % 2, 1.0, -1.0)[:, None]
+    point = replace(
+        fitted.point, residual=fitted.point.residual + 30 * signs * gain.change / np.linalg.norm(gain.column)
+    )
+    assert nameless(bench, replace(fitted, point=point), found, [])[0] > 0.01
+    assert nameless(bench, replace(fitted, point=point), found, tried)[0] < 0.01
+
+
+def test_what_is_alike_in_all_runs_is_no_difference():
+    rng = np.random.default_rng(0)
+    column, runs = rng.standard_normal((6, 5)), np.array([0, 0, 2, 2, 2, 5])
+    apart = differences(column, runs)
+    assert apart.shape == (30, 2)
+    np.testing.assert_allclose(apart.T @ column.ravel(), 0, atol=1e-12)
+    assert differences(column, np.zeros(6)).shape == (30, 0)
 
 
 def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(monkeypatch):
@@ -236,7 +301,7 @@ def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(mon
     def stub(name, value):
         monkeypatch.setattr(f"fimpact.mismatch.name.{name}", value)
 
-    stub("_step", lambda *_: SimpleNamespace(rivals=[explained(next(rounds))]))
+    stub("step", lambda *_: SimpleNamespace(rivals=[explained(next(rounds))]))
     stub("_reconsider", lambda *_: [explained(next(left))])
     stub("explained", lambda *_: 0.0)
     stub("_worthwhile", lambda *_: True)

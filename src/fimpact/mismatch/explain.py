@@ -13,6 +13,7 @@ from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate
 from fimpact.mismatch.simulate import Hypothesis
 
+UNSEEN = 1e-5  # of the sensitivity to another coefficient: rounding
 SHAPE = 4.0  # price of a coefficient that has no meaning without an amplitude
 WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
 SHARPER = 2  # generalised steps from a fit by ordinary least squares
@@ -48,11 +49,20 @@ def explain(fitted: Fit, judged: Fit) -> Explanation:
 
 
 def price(explanation: Explanation) -> float:
-    """log(samples) for each amplitude of an effect, as in Schwarz's criterion, and `SHAPE` for each shape: where the
-    data say nothing of it, it costs nothing to have it."""
+    """log(samples) for each amplitude of an effect, as in Schwarz's criterion, and `SHAPE` for each shape, of which
+    data may say little; nothing for what changes nothing at all, as a shift out of the plane of a planar mechanism."""
     samples = sum((part.point.residual != 0).sum() for part in explanation.parts)
-    shapes = [c.shape for p in explanation.placed for c in p.effect.coefficients]
-    return float(np.where(shapes, SHAPE, np.log(samples)).sum())
+    shapes = np.array([c.shape for p in explanation.placed for c in p.effect.coefficients], bool)
+    return float((np.where(shapes, SHAPE, np.log(samples)) * seen(explanation)).sum())
+
+
+def seen(explanation: Explanation) -> np.ndarray:
+    """Whether each coefficient of the effects, (c,), changes anything, compared with others of its effect and unit."""
+    fitted = explanation.fitted
+    size = np.sqrt((fitted.linear.projected**2).sum((0, 1)))[fitted.coordinates.unknowns :]
+    of = [(i, c.unit) for i, p in enumerate(explanation.placed) for c in p.effect.coefficients]
+    largest = [max(s for s, other in zip(size, of, strict=True) if other == own) for own in of]
+    return size > UNSEEN * np.array(largest)
 
 
 def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:

@@ -26,7 +26,8 @@ SWAPS = 2  # candidates that are refitted in the place of an effect that is ther
 TRACE = 0.03  # share of what there was to explain that is not worth a further effect
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
-CERTAIN = 0.02  # family-wise p at which a force without a name is there beside the best named answer
+WILDER = 100.0  # the same where windows are too few to know what a disturbance does
+CERTAIN = 0.01  # family-wise p at which a force without a name is there beside the best named answer
 SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
 LARGEST = 3  # effects that are added, at most
 
@@ -66,7 +67,8 @@ class Naming:
     def answer(self) -> str:
         """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance."""
         forced = self.beside and self.left > UNNAMED
-        wild = self.dispersion > WILD and not self.best.placed and len(self.pulses.time) >= FEW
+        limit = WILD if len(self.pulses.time) >= FEW else WILDER
+        wild = self.dispersion > limit and not self.best.placed
         return "unnamed" if forced or wild else self.best.name
 
     @property

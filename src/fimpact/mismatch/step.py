@@ -18,7 +18,7 @@ from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
 from fimpact.mismatch.weigh import weigh
 
-ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN is the rest of 5 %
+ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN comes on top of that
 FURTHER = 0.01  # the same for each further effect
 REFITS = 8  # candidates that are truly refitted in each step
 EASY, MORE = 20, 24  # windows up to which that costs little, and how many are refitted then
