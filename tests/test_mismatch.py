@@ -247,6 +247,12 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
     assert [r.placed[-1].name for r in _rivals(search, current, [candidate("a")], 8)] == ["a", "b", "c"]
 
 
+@pytest.mark.parametrize(("windows", "dispersion", "said"), [(3, 50, "none"), (3, 200, "unnamed"), (8, 50, "unnamed")])
+def test_a_large_misfit_is_not_passed_over_however_few_the_windows(nothing, windows, dispersion, said):
+    pulses = replace(nothing.naming.pulses, time=np.zeros((windows, 8)))
+    assert replace(nothing.naming, pulses=pulses, dispersion=dispersion).answer == said
+
+
 def test_what_changes_nothing_costs_nothing(nothing):
     bench, current = nothing.bench, nothing.naming.naive
     shift = Placed(EFFECTS["com_shift"], "link_2", {"x": 0.001, "y": 0.001, "z": 0.001})
