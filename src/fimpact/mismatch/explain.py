@@ -50,9 +50,13 @@ def explain(fitted: Fit, judged: Fit) -> Explanation:
 def price(explanation: Explanation) -> float:
     """log(samples) for each amplitude of an effect, as in Schwarz's criterion, and `SHAPE` for each shape: where the
     data say nothing of it, it costs nothing to have it."""
-    samples = sum((part.point.residual != 0).sum() for part in explanation.parts)
     shapes = [c.shape for p in explanation.placed for c in p.effect.coefficients]
-    return float(np.where(shapes, SHAPE, np.log(samples)).sum())
+    return float(np.where(shapes, SHAPE, schwarz(explanation)).sum())
+
+
+def schwarz(explanation: Explanation) -> float:
+    """log(samples): what a coefficient costs that the data have chosen."""
+    return float(np.log(sum((part.point.residual != 0).sum() for part in explanation.parts)))
 
 
 def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:
