@@ -8,6 +8,7 @@ from planted import record
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.mismatch.colour import bounded
 from fimpact.mismatch.discriminate import Limits, limits, worth
 from fimpact.mismatch.explain import explain, sizes_of
 from fimpact.mismatch.fit import fit
@@ -109,3 +110,13 @@ def test_a_thrown_body_has_no_commands():
     allowed = Limits(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0]), 5, 0, 1)
     ctrl, qpos, qvel = allowed.unpack(allowed.low)
     assert ctrl.shape == (5, 0) and qpos.tolist() == [2.0] and qvel.tolist() == [3.0]
+
+
+def test_a_step_that_meets_a_bound_is_asked_again():
+    """Stiffness and rest of a spring that is nearly a constant force: what one gives up the other must not count on."""
+    columns = np.array([[1.0, 1.0], [0.0, 0.1]])
+    hessian, slope = columns.T @ columns, columns.T @ np.array([-1.0, 0.5])
+    step = bounded(hessian, slope, np.ones(2), np.array([-0.5, -np.inf]), np.full(2, np.inf))
+    alone = (slope[1] - hessian[1, 0] * -0.5) / hessian[1, 1]
+    assert step == pytest.approx([-0.5, alone])
+    assert bounded(hessian, slope, np.ones(2), np.full(2, -np.inf), np.full(2, np.inf)) == pytest.approx([-6.0, 5.0])
