@@ -1,5 +1,6 @@
 """Explain: effects added to the model, everything refitted, and what that predicts of held-out windows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,6 +91,11 @@ def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Exp
 def sizes_of(placed: Placed) -> dict[str, float]:
     """A typical size of each value of a placed effect."""
     return {name: abs(value) or 1e-6 for name, value in placed.values.items()}
+
+
+def shapes_of(placed: Sequence[Placed]) -> list[tuple[int, str]]:
+    """Values without a meaning where the amplitude is zero: (index of the placed effect, name) each."""
+    return [(i, c.name) for i, p in enumerate(placed) for c in p.effect.coefficients if c.shape]
 
 
 def numerics(bench: Bench, best: Explanation) -> Explanation:

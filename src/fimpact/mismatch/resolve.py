@@ -7,7 +7,7 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed
-from fimpact.mismatch.explain import SHAPE, Explanation, explain, schwarz, sizes_of
+from fimpact.mismatch.explain import SHAPE, Explanation, explain, schwarz, shapes_of, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
 from fimpact.mismatch.problem import coordinates
@@ -38,14 +38,14 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
             break
         added = _left_out(made, added, lost)
     found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
-    stated = [_refitted(made, naive, member, held=True) for member in members if _shapes(_placed(member))]
+    stated = [_refitted(made, naive, member, held=True) for member in members if shapes_of(_placed(member))]
     return _priced(weigh(made, *found, rivals + stated))
 
 
 def _priced(ranked: list[Explanation]) -> list[Explanation]:
     """Each explanation once, with its shapes as stated or, at the price of any coefficient that the data choose, as
     they are now: one that has turned into its special case, stick into slip at no distance, is no rival of that."""
-    moved = [len(_shapes(r.placed)) * (len(r.fitted.coordinates.values) == _count(r.placed)) for r in ranked]
+    moved = [len(shapes_of(r.placed)) * (len(r.fitted.coordinates.values) == _count(r.placed)) for r in ranked]
     priced = [replace(r, deviance=r.deviance + n * (schwarz(r) - SHAPE)) for r, n in zip(ranked, moved, strict=True)]
     best = {r.name: r for r in sorted(priced, key=lambda r: -r.deviance)}.values()
     least = min(r.deviance for r in best)
@@ -76,7 +76,7 @@ def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -
     """`member` fitted; held: its shapes stay as they are stated."""
     placed, problem, point = _placed(member), made.training, naive[0].point
     free = coordinates(problem.simulator, placed, tuple(map(sizes_of, placed)))
-    free = free.without(_shapes(placed)) if held else free
+    free = free.without(shapes_of(placed)) if held else free
     start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
     if not np.isfinite(start.cost):
         raise ValueError(f"{'+'.join(member)} at {member} cannot be simulated on the added runs")
@@ -86,10 +86,6 @@ def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -
 
 def _placed(member: dict[str, dict]) -> tuple[Placed, ...]:
     return tuple(Placed(get_effect(n.split("@")[0]), n.split("@", 1)[1], dict(v)) for n, v in member.items())
-
-
-def _shapes(placed: Sequence[Placed]) -> list[tuple[int, str]]:
-    return [(i, c.name) for i, p in enumerate(placed) for c in p.effect.coefficients if c.shape]
 
 
 def _count(placed: Sequence[Placed]) -> int:

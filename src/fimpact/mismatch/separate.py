@@ -2,7 +2,8 @@
 
 The non-centrality of k under l is what is left of y_l - y_k when initial states, the clock and the coordinates of k
 have absorbed what they can, each as far as the recordings leave it open, among the disturbance that the recordings
-show and the error of the time step: wild motion magnifies a difference, and with it everything that hides it.
+show and the error of the time step: wild motion magnifies a difference, and with it everything that hides it. Shapes
+stay as they are stated, as `resolve` asks first: a spring may always turn into a constant force.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from fimpact.mismatch.colour import CLOCK, Colour, Disturbance, colour, disturbance, generalised
-from fimpact.mismatch.explain import Explanation
+from fimpact.mismatch.explain import Explanation, shapes_of
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import NOTHING, Linear, Point, Problem
@@ -22,8 +23,8 @@ from fimpact.mismatch.simulate import Hypothesis, Windows
 
 @dataclass(frozen=True)
 class Known:
-    """What the recordings say: the disturbance in them, and of each member the information on its coordinates and on
-    the clock of a further run, (k + 1, k + 1)."""
+    """What the recordings say: the disturbance in them, and of each member the information on its coordinates, but for
+    shapes, and on the clock of a further run, (k + 1, k + 1)."""
 
     pushing: Disturbance
     information: list[np.ndarray]
@@ -39,7 +40,14 @@ def known(bench: Bench, members: list[Explanation]) -> Known:
 def _information(fitted: Fit, shade: Colour) -> np.ndarray:
     scale = np.outer(fitted.scale, fitted.scale)
     own = np.linalg.pinv(generalised([fitted], [shade]).covariance / scale, rcond=1e-12, hermitian=True) / scale
-    return block_diag(own, CLOCK**-2.0)
+    return block_diag(own[np.ix_(_sizes(fitted), _sizes(fitted))], CLOCK**-2.0)
+
+
+def _sizes(fitted: Fit) -> list[int]:
+    """Indices of the coordinates that are no shapes."""
+    free = fitted.coordinates
+    shapes = [value in shapes_of(fitted.point.hypothesis.placed) for value in free.values]
+    return [*range(free.unknowns), *(free.unknowns + np.flatnonzero(~np.array(shapes, bool)))]
 
 
 def separations(bench: Bench, members: list[Explanation], told: Known, ctrl, qpos, qvel) -> np.ndarray:
@@ -99,7 +107,7 @@ def _member(problem: Problem, fitted: Fit, shared: Linear) -> tuple[np.ndarray, 
     hypothesis, free = fitted.point.hypothesis, fitted.coordinates
     base = problem.predict(hypothesis, *problem.starts)
     point = replace(fitted.point, qpos=problem.starts[0], qvel=problem.starts[1])
-    own = problem.columns(point, free, range(free.unknowns, len(free.scale)), base)
+    own = problem.columns(point, free, _sizes(fitted)[free.unknowns :], base)
     raw = np.concatenate([shared.raw, own], 2)
     return problem.extend(base[..., None])[..., 0], replace(shared, raw=raw, projected=raw)
 
