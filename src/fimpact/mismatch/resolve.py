@@ -7,7 +7,7 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed
-from fimpact.mismatch.explain import SHAPE, Explanation, explain, schwarz, shapes_of, sizes_of
+from fimpact.mismatch.explain import SHAPE, Explanation, explain, price, schwarz, shapes_of, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
 from fimpact.mismatch.problem import coordinates
@@ -45,14 +45,22 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
 def _priced(ranked: list[Explanation]) -> list[Explanation]:
     """Each explanation once, with its shapes as stated or, at the price of any coefficient that the data choose, as
     they are now: one that has turned into its special case, stick into slip at no distance, is no rival of that."""
-    moved = [len(shapes_of(r.placed)) * (len(r.fitted.coordinates.values) == _count(r.placed)) for r in ranked]
-    priced = [replace(r, deviance=r.deviance + n * (schwarz(r) - SHAPE)) for r, n in zip(ranked, moved, strict=True)]
-    best = {r.name: r for r in sorted(priced, key=lambda r: -r.deviance)}.values()
-    least = min(r.deviance for r in best)
-    raw = [np.exp(-(r.deviance - least) / 2 / r.dispersion) for r in best]
-    return sorted(
-        (replace(r, weight=float(w / sum(raw))) for r, w in zip(best, raw, strict=True)), key=lambda r: r.deviance
-    )
+    best: dict[str, tuple[float, Explanation]] = {}
+    for rival in ranked:
+        cost = _cost(rival)
+        if rival.name not in best or cost < best[rival.name][0]:
+            best[rival.name] = cost, rival
+    costs = np.array([cost for cost, _ in best.values()])
+    raw = np.exp(-(costs - costs.min()) / 2)
+    weighed = [replace(r, weight=float(w)) for (_, r), w in zip(best.values(), raw / raw.sum(), strict=True)]
+    return sorted(weighed, key=lambda r: -r.weight)
+
+
+def _cost(rival: Explanation) -> float:
+    """Deviance in units of its dispersion, and a price, which has none."""
+    free = len(rival.fitted.coordinates.values) == sum(len(p.effect.coefficients) for p in rival.placed)
+    moved = len(shapes_of(rival.placed)) * free * (schwarz(rival) - SHAPE)
+    return (rival.deviance - price(rival)) / rival.dispersion + price(rival) + moved
 
 
 def _stray(made: Bench, rivals: list[Explanation], new: np.ndarray) -> np.ndarray:
@@ -86,7 +94,3 @@ def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -
 
 def _placed(member: dict[str, dict]) -> tuple[Placed, ...]:
     return tuple(Placed(get_effect(n.split("@")[0]), n.split("@", 1)[1], dict(v)) for n, v in member.items())
-
-
-def _count(placed: Sequence[Placed]) -> int:
-    return sum(len(p.effect.coefficients) for p in placed)
