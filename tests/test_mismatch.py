@@ -17,6 +17,7 @@ from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, price, refit, seen
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
+from fimpact.mismatch.locate import _modes
 from fimpact.mismatch.name import Naming, build, idle, name
 from fimpact.mismatch.nameless import differences, nameless
 from fimpact.mismatch.problem import coordinates
@@ -69,6 +70,14 @@ def test_held_out_runs_improve_to_the_noise_floor(friction):
 
 def test_the_joint_is_located_without_a_catalogue(friction):
     assert friction.location.places[0].name == "joint_2"
+
+
+def test_noise_alone_belongs_to_no_mode(friction, nothing):
+    """Neither the largest of several joints nor the prior that holds a force back may make a force or hide one."""
+    noise = np.random.default_rng(0).standard_normal((200, 8, 3))
+    found = _modes(noise, np.repeat([["free"] * 8, ["contact"] * 8], 100, 0))
+    assert max(found.values()) < 0.1
+    assert nothing.location.modes["free"] < 0.4 < friction.location.modes["free"]
 
 
 def test_silence_when_nothing_is_missing(nothing):

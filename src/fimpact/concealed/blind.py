@@ -18,7 +18,7 @@ from fimpact.mismatch.diagnose import Diagnosis, diagnose, to_json
 from fimpact.mismatch.discriminate import discriminate, limits
 from fimpact.mismatch.model import check_model, write_model
 from fimpact.mismatch.resolve import resolve
-from fimpact.mismatch.weigh import MEMBERS
+from fimpact.mismatch.weigh import members as told_apart
 from fimpact.recordings import Recording, Run
 
 WAYS = ("designed", "random")
@@ -68,7 +68,7 @@ def _experiments(diagnosis: Diagnosis) -> tuple[Arrays, dict[str, float]]:
         return {}, {}
     best = discriminate(diagnosis.bench, diagnosis.recording, members)
     allowed, rng = limits(diagnosis.bench, diagnosis.recording), np.random.default_rng(1)
-    random = allowed.unpack(rng.uniform(allowed.low, np.maximum(allowed.high, allowed.low + 1e-9)))
+    random = allowed.unpack(allowed.draw(rng, 1)[0])
     parts = {"designed": (best.ctrl, best.qpos, best.qvel), "random": random}
     commands = {
         f"{way}/{name}": array
@@ -86,7 +86,7 @@ def resolve_case(recording: Recording, row: dict[str, Any], played: dict[str, Ru
 def _resolved(recording: Recording, members: Sequence[dict], run: Run) -> dict[str, Any]:
     since = time.perf_counter()
     ranked = resolve(recording, [run], members)
-    left = [e.name for e in ranked if e.weight >= MEMBERS * ranked[0].weight]
+    left = [e.name for e in told_apart(ranked[0], ranked[1:])]
     weights = {e.name: e.weight for e in ranked}
     return {"answer_set": left, "weights": weights, "seconds": time.perf_counter() - since}
 

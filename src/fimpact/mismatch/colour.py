@@ -191,9 +191,7 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
             information, score = _weighted(linear.projected, left, weight)
             hessian[np.ix_(place, place)] += information
             slope[place] += score
-        free_ = scale * ~(((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0)))
-        step = free_ * np.linalg.lstsq(hessian * np.outer(free_, free_), slope * free_, rcond=1e-12)[0]
-        step = np.clip(z + step, low, high) - z
+        step = bounded(hessian, slope, scale, low - z, high - z)
         squares = [
             ((left - linear.projected @ step[place]) ** 2).sum(1)
             for linear, left, place in zip(linears, lefts, places, strict=True)
@@ -202,6 +200,26 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
     scaled = hessian * np.outer(scale, scale)
     inverse = np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)
     return Generalised(squares, samples, step[:k], inverse[:k, :k])
+
+
+def bounded(hessian: np.ndarray, slope: np.ndarray, scale: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The step, (k,), that maximises slope @ step - step @ hessian @ step / 2 between `low` <= 0 and `high` >= 0.
+
+    What would leave its bounds stops there and the others, which may have counted on it, are asked again: of a spring
+    that is far softer than its tangent says, a stiffness cut at zero alone would leave the rest position astray.
+    """
+    held, step = ((low >= 0) & (slope < 0)) | ((high <= 0) & (slope > 0)), np.zeros(len(slope))
+    for _ in range(len(slope)):
+        free = scale * ~held
+        pull = (slope - hessian @ np.where(held, step, 0.0)) * free
+        moved = free * np.linalg.lstsq(hessian * np.outer(free, free), pull, rcond=1e-12)[0]
+        step = np.where(held, step, moved)
+        out = (step < low) | (step > high)
+        step = np.clip(step, low, high)
+        if not out.any():
+            break
+        held |= out
+    return step
 
 
 def _weighted(projected: np.ndarray, left: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

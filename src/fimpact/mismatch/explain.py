@@ -1,5 +1,6 @@
 """Explain: effects added to the model, everything refitted, and what that predicts of held-out windows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,18 +52,26 @@ def explain(fitted: Fit, judged: Fit) -> Explanation:
 def price(explanation: Explanation) -> float:
     """log(samples) for each amplitude of an effect, as in Schwarz's criterion, and `SHAPE` for each shape, of which
     data may say little; nothing for what changes nothing at all, as a shift out of the plane of a planar mechanism."""
-    samples = sum((part.point.residual != 0).sum() for part in explanation.parts)
-    shapes = np.array([c.shape for p in explanation.placed for c in p.effect.coefficients], bool)
-    return float((np.where(shapes, SHAPE, np.log(samples)) * seen(explanation)).sum())
+    shapes = [c.shape for p in explanation.placed for c in p.effect.coefficients]
+    return float((np.where(shapes, SHAPE, schwarz(explanation)) * seen(explanation)).sum())
+
+
+def schwarz(explanation: Explanation) -> float:
+    """log(samples): what a coefficient costs that the data have chosen."""
+    return float(np.log(sum((part.point.residual != 0).sum() for part in explanation.parts)))
 
 
 def seen(explanation: Explanation) -> np.ndarray:
-    """Whether each coefficient of the effects, (c,), changes anything, compared with others of its effect and unit."""
+    """Whether each coefficient of the effects, (c,), changes anything, compared with others of its effect and unit;
+    what is not fitted counts as seen."""
     fitted = explanation.fitted
-    size = np.sqrt((fitted.linear.projected**2).sum((0, 1)))[fitted.coordinates.unknowns :]
-    of = [(i, c.unit) for i, p in enumerate(explanation.placed) for c in p.effect.coefficients]
-    largest = [max(s for s, other in zip(size, of, strict=True) if other == own) for own in of]
-    return size > UNSEEN * np.array(largest)
+    sizes = np.sqrt((fitted.linear.projected**2).sum((0, 1)))[fitted.coordinates.unknowns :]
+    size = dict(zip(fitted.coordinates.values, sizes, strict=True))
+    coefficients = [(i, c) for i, p in enumerate(explanation.placed) for c in p.effect.coefficients]
+    largest = {}
+    for i, c in coefficients:
+        largest[i, c.unit] = max(size.get((i, c.name), 0.0), largest.get((i, c.unit), 0.0))
+    return np.array([size.get((i, c.name), np.inf) > UNSEEN * largest[i, c.unit] for i, c in coefficients], bool)
 
 
 def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:
@@ -96,6 +105,11 @@ def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Exp
 def sizes_of(placed: Placed) -> dict[str, float]:
     """A typical size of each value of a placed effect."""
     return {name: abs(value) or 1e-6 for name, value in placed.values.items()}
+
+
+def shapes_of(placed: Sequence[Placed]) -> list[tuple[int, str]]:
+    """Values without a meaning where the amplitude is zero: (index of the placed effect, name) each."""
+    return [(i, c.name) for i, p in enumerate(placed) for c in p.effect.coefficients if c.shape]
 
 
 def numerics(bench: Bench, best: Explanation) -> Explanation:

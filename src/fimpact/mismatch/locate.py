@@ -60,8 +60,8 @@ def locate(problem: Problem, fitted: Fit, pulses: Pulses) -> Location:
         for i, channel in enumerate(problem.simulator.recording.channels)
     ]
     places.sort(key=lambda p: -p.share)
-    force, deviation = _force(fitted, columns, len(dofs))
-    modes = _modes(force, deviation, pulses.mode)
+    force, deviation, chance = _force(fitted, columns, len(dofs))
+    modes = _modes(force / chance, pulses.mode)
     dof = next((dofs.index(p.name) for p in places if p.kind == "joint"), 0)
     states = _states(force[..., dof], deviation[..., dof], pulses.qvel[..., dof])
     sentence = _sentence(places, modes, states)
@@ -110,8 +110,9 @@ def _orthonormal(columns: np.ndarray) -> tuple[np.ndarray, int]:
     return basis * used[:, None, :], int(used.sum())
 
 
-def _force(fitted: Fit, columns: np.ndarray, nv: int) -> tuple[np.ndarray, np.ndarray]:
-    """Posterior mean and deviation of the residual force, (w, BINS, nv), under a prior as wide as it turns out."""
+def _force(fitted: Fit, columns: np.ndarray, nv: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Posterior mean and deviation of the residual force, (w, BINS, nv), under a prior as wide as it turns out, and the
+    deviation that noise alone gives the mean: less, because the prior holds it."""
     free, left = fitted.linear.off(columns), fitted.linear.off(fitted.point.residual)
     scale = 1 / np.maximum(np.sqrt((free**2).sum((0, 1)) / len(free)), 1e-300)
     free = free * scale
@@ -120,13 +121,16 @@ def _force(fitted: Fit, columns: np.ndarray, nv: int) -> tuple[np.ndarray, np.nd
     covariance = np.linalg.inv(gram + np.eye(gram.shape[1]) / width)
     mean = np.einsum("wab,wb->wa", covariance, along) * scale
     deviation = np.sqrt(covariance.diagonal(0, 1, 2)) * scale
+    by_noise = (covariance @ gram @ covariance).diagonal(0, 1, 2)
+    chance = np.sqrt(np.maximum(by_noise, np.finfo(float).tiny)) * scale
     shape = (len(free), nv, BINS)
-    return mean.reshape(shape).transpose(0, 2, 1), deviation.reshape(shape).transpose(0, 2, 1)
+    return tuple(part.reshape(shape).transpose(0, 2, 1) for part in (mean, deviation, chance))
 
 
-def _modes(force, deviation, mode) -> dict[str, float]:
-    """Mean squared standardised residual force in each contact mode, less the 1 that noise has."""
-    squares = ((force / deviation) ** 2).max(-1)
+def _modes(standard, mode) -> dict[str, float]:
+    """Mean squared residual force in each contact mode, in variances of what noise makes of it, less the 1 that noise
+    has: of all degrees of freedom, for the largest of several has more."""
+    squares = (standard**2).mean(-1)
     return {str(m): float(max(squares[mode == m].mean() - 1.0, 0.0)) for m in np.unique(mode)}
 
 

@@ -4,6 +4,7 @@ Notation of DESIGN.md: residual r, sensitivities J to the coordinates that are f
 window. X is projected off window by window (QR), which leaves a small problem in the coordinates.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -49,6 +50,13 @@ class Coordinates:
         for (i, name), value in zip(self.values, z[self.unknowns :], strict=True):
             placed[i] = replace(placed[i], values={**placed[i].values, name: float(value)})
         return Hypothesis(np.append(z[: self.unknowns], hypothesis.theta[self.unknowns :]), tuple(placed))
+
+    def without(self, held: Collection[tuple[int, str]]) -> "Coordinates":
+        """These coordinates less the values `held`, each (index of the placed effect, name)."""
+        kept = np.array([True] * self.unknowns + [value not in held for value in self.values], bool)
+        values = tuple(value for value in self.values if value not in held)
+        rest = (getattr(self, name)[kept] for name in ("low", "high", "scale", "mean", "sd"))
+        return Coordinates(self.unknowns, values, *rest)
 
 
 @dataclass(frozen=True)

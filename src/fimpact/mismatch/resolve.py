@@ -7,35 +7,90 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed
-from fimpact.mismatch.explain import Explanation, explain, sizes_of
+from fimpact.mismatch.explain import SHAPE, Explanation, explain, schwarz, shapes_of, sizes_of
 from fimpact.mismatch.fit import fit
-from fimpact.mismatch.judge import Bench, base_fit, bench, settle
+from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
+PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
+
 
 def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]]) -> list[Explanation]:
     """Members refitted to the recording with the runs `added` to its training runs, in falling order of weight.
 
+    Windows of the added runs that no member follows are left out: where a motion amplifies whatever is not known, it
+    says nothing of any member, but it spoils all the fits.
+
     Args:
         members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them.
     """
-    longer = replace(recording, runs=(*recording.runs, *(replace(run, held_out=False) for run in added)))
-    made = bench(longer)
-    naive = base_fit(made, coordinates(made.training.simulator), Hypothesis(made.training.simulator.theta))
+    added = [replace(run, held_out=False) for run in added]
+    for attempt in range(PASSES + 1):
+        made = bench(replace(recording, runs=(*recording.training, *added, *recording.held_out)))
+        naive = base_fit(made, coordinates(made.training.simulator), Hypothesis(made.training.simulator.theta))
+        rivals = [_refitted(made, naive, member) for member in members]
+        lost = _stray(made, rivals, made.training.windows.runs >= len(recording.training))
+        if attempt == PASSES or not lost.any():
+            break
+        added = _left_out(made, added, lost)
     found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
-    return weigh(made, *found, [_refitted(made, naive, member) for member in members])
+    stated = [_refitted(made, naive, member, held=True) for member in members if shapes_of(_placed(member))]
+    return _priced(weigh(made, *found, rivals + stated))
 
 
-def _refitted(made: Bench, naive, member: dict[str, dict]) -> Explanation:
-    placed = tuple(Placed(get_effect(n.split("@")[0]), n.split("@", 1)[1], dict(v)) for n, v in member.items())
-    problem, point = made.training, naive[0].point
+def _priced(ranked: list[Explanation]) -> list[Explanation]:
+    """Each explanation once, with its shapes as stated or, at the price of any coefficient that the data choose, as
+    they are now: one that has turned into its special case, stick into slip at no distance, is no rival of that."""
+    best: dict[str, tuple[float, Explanation]] = {}
+    for rival in ranked:
+        cost = _cost(rival)
+        if rival.name not in best or cost < best[rival.name][0]:
+            best[rival.name] = cost, rival
+    costs = np.array([cost for cost, _ in best.values()])
+    raw = np.exp(-(costs - costs.min()) / 2)
+    weighed = [replace(r, weight=float(w)) for (_, r), w in zip(best.values(), raw / raw.sum(), strict=True)]
+    return sorted(weighed, key=lambda r: -r.weight)
+
+
+def _cost(rival: Explanation) -> float:
+    """Deviance in units of its dispersion, and the price of shapes that the data moved."""
+    free = len(rival.fitted.coordinates.values) == sum(len(p.effect.coefficients) for p in rival.placed)
+    moved = len(shapes_of(rival.placed)) * free * (schwarz(rival) - SHAPE)
+    return rival.deviance / rival.dispersion + moved
+
+
+def _stray(made: Bench, rivals: list[Explanation], new: np.ndarray) -> np.ndarray:
+    """Of the windows, (w,), those `new` ones that every rival follows worse than any recorded one, the worst of them:
+    one of those can spoil the fit of others."""
+    samples = np.maximum(np.isfinite(made.training.windows.measured).sum((1, 2)), 1)
+    size = np.min([squares(rival.fitted) for rival in rivals], 0) / samples
+    return new & (size > max(size[~new].max(), ALIKE * size.max()))
+
+
+def _left_out(made: Bench, added: list[Run], lost: np.ndarray) -> list[Run]:
+    """The added runs without what was measured in the windows `lost`."""
+    windows, out = made.training.windows, [run.measured.copy() for run in added]
+    before = len(made.training.simulator.recording.training) - len(added)
+    for run, first in zip(windows.runs[lost] - before, windows.first[lost], strict=True):
+        out[run][first : first + windows.length] = np.nan
+    return [replace(run, measured=measured) for run, measured in zip(added, out, strict=True)]
+
+
+def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -> Explanation:
+    """`member` fitted; held: its shapes stay as they are stated."""
+    placed, problem, point = _placed(member), made.training, naive[0].point
     free = coordinates(problem.simulator, placed, tuple(map(sizes_of, placed)))
+    free = free.without(shapes_of(placed)) if held else free
     start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
     if not np.isfinite(start.cost):
         raise ValueError(f"{'+'.join(member)} at {member} cannot be simulated on the added runs")
     fitted = fit(problem, free, start)
     return explain(fitted, settle(made.held_out, fitted.point.hypothesis, naive[1].point))
+
+
+def _placed(member: dict[str, dict]) -> tuple[Placed, ...]:
+    return tuple(Placed(get_effect(n.split("@")[0]), n.split("@", 1)[1], dict(v)) for n, v in member.items())

@@ -48,7 +48,8 @@ class Windows:
 
 
 def cut(runs: Sequence[Run], length: int) -> Windows:
-    """Windows of `length` samples, 0: whole runs; a remainder shorter than half a window is left out."""
+    """Windows of `length` samples, 0: whole runs; left out are a remainder shorter than half a window and, if there are
+    others, windows without any measurement."""
     longest = max(len(run.measured) for run in runs)
     size = min(length or longest, longest)
     places = [(i, k) for i, run in enumerate(runs) for k in range(0, max(len(run.measured) - size // 2, 1), size)]
@@ -59,7 +60,9 @@ def cut(runs: Sequence[Run], length: int) -> Windows:
         measured[row, : len(piece)] = piece
     ctrl = np.array([run.ctrl[np.minimum(np.arange(longest + len(index)), len(run.ctrl) - 1)] for run in runs])
     which, first = np.array(places).T
-    return Windows(which, first, measured, ctrl, tuple(run.name for run in runs))
+    seen = np.isfinite(measured).any((1, 2))
+    kept = seen if seen.any() else ~seen
+    return Windows(which[kept], first[kept], measured[kept], ctrl, tuple(run.name for run in runs))
 
 
 # A trial step that diverges is an infinite cost; MuJoCo would print it and write a log file.

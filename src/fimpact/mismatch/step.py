@@ -25,7 +25,7 @@ EASY, MORE = 20, 24  # windows up to which that costs little, and how many are r
 LOUD, AGAIN = 4, 2  # the most refitted of each further ranking, and how often the best may be asked what it leaves
 RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
-TWIN = 0.8  # cosine with the best candidate above which one is refitted whatever it is predicted to gain
+TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
 EVEN = 0.5  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
 
@@ -120,7 +120,7 @@ def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit
 
 def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
     """The best probe of each effect and site, in falling order of predicted gain, as far as they are rivals or look
-    like the best."""
+    like one."""
     best: dict[str, Candidate] = {}
     for candidate in screened:
         best.setdefault(candidate.placed.name, candidate)
@@ -128,7 +128,7 @@ def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
     # The larger an effect, the less can be said of it from one step.
     least = RIVAL * ranked[0].gain + min(RIVAL * ranked[0].gain / 2, CLEAR) if ranked else 0.0
     rivals = [c for c in ranked[:most] if c.gain >= least]
-    twins = [c for c in ranked if c.gain < least and abs(alike(c, ranked[0])) > TWIN]
+    twins = [c for c in ranked[len(rivals) :] if any(abs(alike(c, r)) > TWIN for r in rivals)]
     return rivals + twins[: max(most - len(rivals), 1)]
 
 

@@ -22,10 +22,12 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     pushing = disturbance(min(rivals, key=lambda r: r.deviance).fitted, found)
     shades = colour(found, pushing), colour(held_out, pushing)
     optima = [generalised(both(bench, r), shades) for r in rivals]
-    deviance = np.array([optimum.total + price(r) for optimum, r in zip(optima, rivals, strict=True)])
-    least = int(np.argmin(deviance))
+    squares, prices = np.array([o.total for o in optima]), np.array([price(r) for r in rivals])
+    least = int(np.argmin(squares + prices))
     spread = dispersion(rivals[least], optima[least].deviances)
-    raw = np.exp(-(deviance - deviance[least]) / 2 / spread)
+    # What the data say is divided by their dispersion, a price is not (Burnham & Anderson's quasi-likelihood).
+    deviance = squares + prices * spread
+    raw = np.exp(-(deviance - deviance.min()) / 2 / spread)
     weighted = [
         replace(r, weight=float(w), deviance=float(d), dispersion=spread)
         for r, w, d in zip(rivals, raw / raw.sum(), deviance, strict=True)

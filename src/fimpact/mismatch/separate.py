@@ -1,0 +1,122 @@
+"""Separate: how far an experiment that nobody has played would drive two explanations apart.
+
+The non-centrality of k under l is what is left of y_l - y_k when initial states, the clock and the coordinates of k
+have absorbed what they can, each as far as the recordings leave it open, among the disturbance that the recordings
+show and the error of the time step: wild motion magnifies a difference, and with it everything that hides it. Shapes
+stay as they are stated, as `resolve` asks first: a spring may always turn into a constant force.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from fimpact.mismatch.colour import CLOCK, Colour, Disturbance, colour, disturbance, generalised
+from fimpact.mismatch.explain import Explanation, shapes_of
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.judge import Bench, correct
+from fimpact.mismatch.problem import NOTHING, Linear, Point, Problem
+from fimpact.mismatch.pulses import pulses
+from fimpact.mismatch.simulate import Hypothesis, Windows
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the recordings say: the disturbance in them, and of each member the information on its coordinates, but for
+    shapes, and on the clock of a further run, (k + 1, k + 1)."""
+
+    pushing: Disturbance
+    information: list[np.ndarray]
+
+
+def known(bench: Bench, members: list[Explanation]) -> Known:
+    """What is known before the experiment."""
+    found = pulses(bench.training, members[0].fitted)
+    pushing = disturbance(members[0].fitted, found)
+    return Known(pushing, [_information(member.fitted, colour(found, pushing)) for member in members])
+
+
+def _information(fitted: Fit, shade: Colour) -> np.ndarray:
+    scale = np.outer(fitted.scale, fitted.scale)
+    own = np.linalg.pinv(generalised([fitted], [shade]).covariance / scale, rcond=1e-12, hermitian=True) / scale
+    return block_diag(own[np.ix_(_sizes(fitted), _sizes(fitted))], CLOCK**-2.0)
+
+
+def _sizes(fitted: Fit) -> list[int]:
+    """Indices of the coordinates that are no shapes."""
+    free = fitted.coordinates
+    shapes = [value in shapes_of(fitted.point.hypothesis.placed) for value in free.values]
+    return [*range(free.unknowns), *(free.unknowns + np.flatnonzero(~np.array(shapes, bool)))]
+
+
+def separations(bench: Bench, members: list[Explanation], told: Known, ctrl, qpos, qvel) -> np.ndarray:
+    """Non-centrality of each pair of members, the lesser of one under the other and the other under the one, for each
+    of n experiments, (n, pairs); 0 where one diverges.
+
+    Args:
+        ctrl: (n, T, nu). qpos: (n, nq). qvel: (n, nv).
+    """
+    problem = _played(bench, members[0], ctrl, qpos, qvel)
+    bare = Hypothesis(members[0].fitted.point.hypothesis.theta)
+    point = problem.evaluate(bare, *problem.starts, NOTHING)
+    shade = _noise(bench, problem, members[0], point, told.pushing)
+    shared = _shared(problem, point, members[0])
+    predicted, linears = zip(*(_member(problem, member.fitted, shared) for member in members), strict=True)
+    linears = [shade.apply(linear) for linear in linears]
+    sides = [
+        [_left(predicted[a] - predicted[b], linears[one], told.information[one], len(ctrl)) for one in (a, b)]
+        for a, b in combinations(range(len(members)), 2)
+    ]
+    least = np.min(sides, 1).T
+    return np.where(np.isfinite(least), least, 0.0)
+
+
+def _played(bench: Bench, member: Explanation, ctrl, qpos, qvel) -> Problem:
+    """The experiments' windows, cut as the recordings are, from states on the way that `member` predicts."""
+    simulator, cut, (count, samples) = bench.training.simulator, bench.training.windows, ctrl.shape[:2]
+    length = min(cut.length, samples)
+    firsts = np.arange(0, samples - length + 1, length)
+    whole = np.zeros((count, samples, cut.measured.shape[2]))
+    every = Windows(np.arange(count), np.zeros(count, int), whole, ctrl, ())
+    way = simulator.motion(member.fitted.point.hypothesis, every, qpos, qvel)
+    path = [np.concatenate([start[:, None], states], 1) for start, states in zip((qpos, qvel), way, strict=True)]
+    starts = [states[:, firsts * simulator.substeps].reshape(-1, states.shape[2]) for states in path]
+    runs, first = np.repeat(np.arange(count), len(firsts)), np.tile(firsts, count)
+    windows = Windows(runs, first, np.zeros((len(runs), length, whole.shape[2])), ctrl, ())
+    return Problem(simulator, windows, bench.noise, tuple(starts), simulator.recording.start_sd)
+
+
+def _noise(bench: Bench, problem: Problem, member: Explanation, point: Point, pushing: Disturbance) -> Colour:
+    """What `pushing` does in the windows of `problem`, whose own noise is raised by the error of the time step."""
+    correct(bench, problem, point)
+    shade = colour(pulses(problem, replace(member.fitted, point=point)), pushing)
+    return replace(shade, clocks=shade.clocks.sum(2, keepdims=True))
+
+
+def _shared(problem: Problem, point: Point, member: Explanation) -> Linear:
+    """Sensitivities to initial states and unknowns, which effects that hide so well hardly change."""
+    base, free = problem.predict(point.hypothesis, point.qpos, point.qvel), member.fitted.coordinates
+    own = free.without(free.values)
+    raw = problem.columns(point, own, range(own.unknowns), base)
+    return Linear(*problem.starts_at(point, base), raw, raw)
+
+
+def _member(problem: Problem, fitted: Fit, shared: Linear) -> tuple[np.ndarray, Linear]:
+    """What a member predicts, (w, m), and its problem linearised, but for what is projected off."""
+    hypothesis, free = fitted.point.hypothesis, fitted.coordinates
+    base = problem.predict(hypothesis, *problem.starts)
+    point = replace(fitted.point, qpos=problem.starts[0], qvel=problem.starts[1])
+    own = problem.columns(point, free, _sizes(fitted)[free.unknowns :], base)
+    raw = np.concatenate([shared.raw, own], 2)
+    return problem.extend(base[..., None])[..., 0], replace(shared, raw=raw, projected=raw)
+
+
+def _left(difference: np.ndarray, linear: Linear, information: np.ndarray, count: int) -> np.ndarray:
+    """What is left of squares of `difference` in each experiment, (count,)."""
+    free = linear.off(difference).reshape(count, -1)
+    slopes = linear.projected.reshape(count, free.shape[1], -1)
+    along = np.einsum("nma,nm->na", slopes, free)
+    gram = np.einsum("nma,nmb->nab", slopes, slopes)
+    inner = np.linalg.solve(information + gram, along[..., None])[..., 0]
+    return (free**2).sum(1) - (along * inner).sum(1)

@@ -1,0 +1,122 @@
+"""What one more run says of rivals, and which run would say most."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted import record
+
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.mismatch.colour import bounded
+from fimpact.mismatch.discriminate import Limits, limits, worth
+from fimpact.mismatch.explain import explain, sizes_of
+from fimpact.mismatch.fit import fit
+from fimpact.mismatch.judge import base_fit, bench
+from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.resolve import resolve
+from fimpact.mismatch.separate import known, separations
+from fimpact.mismatch.simulate import Hypothesis, cut
+from fimpact.mismatch.weigh import members as told_apart
+
+FRICTION = 0.004  # N m
+COULOMB = {"coulomb@joint_2": {"friction": FRICTION}}
+OFFSET = {"torque_offset@motor_2": {"offset": 0.001}}
+DAHL = {"dahl@joint_2": {"friction": FRICTION, "displacement": 0.1}}
+
+
+def hide_friction(model):
+    model.dof_frictionloss[1] = FRICTION
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return record(3, hide_friction)
+
+
+@pytest.fixture(scope="module")
+def rivals(recording):
+    made = bench(recording)
+    theta = Hypothesis(made.training.simulator.theta)
+    fitted, judged = base_fit(made, coordinates(made.training.simulator), theta)
+    return made, [_explained(made, fitted.point, judged, member) for member in (COULOMB, OFFSET)]
+
+
+def _explained(made, point, judged, member):
+    ((name, values),) = member.items()
+    placed = (Placed(EFFECTS[name.split("@")[0]], name.split("@")[1], values),)
+    free = coordinates(made.training.simulator, placed, tuple(map(sizes_of, placed)))
+    start = made.training.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
+    return explain(fit(made.training, free, start), judged)
+
+
+def test_a_window_that_no_rival_follows_spoils_nothing(recording):
+    """A wild stretch, as of a motion that amplifies whatever is not known, must not hide what the others say."""
+    run = recording.held_out[0]
+    measured = run.measured.copy()
+    measured[80:160] += 0.3 * np.sin(np.arange(80) * 0.2)[:, None]
+    found = resolve(recording, [replace(run, measured=measured)], [OFFSET, COULOMB])
+    assert found[0].name == "coulomb@joint_2" and found[0].weight > 0.99
+    assert found[0].dispersion < 1.5
+
+
+def test_a_rival_that_became_its_own_special_case_is_no_rival(recording):
+    """Dahl's friction without a displacement is dry friction: what was stated is refuted."""
+    found = resolve(recording, recording.held_out[:1], [DAHL, COULOMB])
+    assert [e.name for e in told_apart(found[0], found[1:])] == ["coulomb@joint_2"]
+    assert sum(e.weight for e in found) == pytest.approx(1.0) and len(found) == 2
+
+
+def test_windows_without_a_measurement_are_left_out(recording):
+    run = recording.training[0]
+    measured = run.measured.copy()
+    measured[80:160] = np.nan
+    assert cut([replace(run, measured=measured)], 80).first.tolist() == [0, 160]
+    assert len(cut([replace(run, measured=np.full_like(measured, np.nan))], 80).first) == 3
+
+
+def test_what_is_held_is_no_coordinate(rivals):
+    free = rivals[1][0].fitted.coordinates
+    less = free.without([(0, "friction")])
+    assert less.values == () and less.unknowns == free.unknowns and len(less.scale) == len(free.scale) - 1
+    assert free.without([]).values == free.values
+
+
+def test_a_disturbance_hides_what_separates(rivals):
+    made, members = rivals
+    allowed, told = limits(made, made.training.simulator.recording), known(made, members)
+    designs = [allowed.unpack(design) for design in allowed.draw(np.random.default_rng(0), 3)]
+    parts = [np.array(part) for part in zip(*designs, strict=True)]
+    quiet = separations(made, members, told, *parts)
+    louder = replace(told, pushing=replace(told.pushing, sd=told.pushing.sd + 0.01))
+    assert quiet.shape == (3, 1) and (quiet > 0).all()
+    assert (separations(made, members, louder, *parts) < 0.5 * quiet).all()
+
+
+def test_a_pair_that_nothing_separates_does_not_decide():
+    pairs = np.array([[0.1, 5.0], [0.1, 50.0], [0.2, 5.0]])
+    assert np.argmax(worth(pairs)) == 1
+
+
+def test_commands_go_gently_or_at_once_from_knot_to_knot():
+    knots = np.tile([[0.0], [1.0]], (4, 1)).ravel()
+    allowed = Limits(np.zeros(9), np.ones(9), 71, 1, 0)
+    gently, at_once = (allowed.unpack(np.append(knots, part))[0][:, 0] for part in (1.0, 0.02))
+    assert np.diff(gently) == pytest.approx(np.tile(np.repeat([0.1, -0.1], 10), 4)[:70])
+    assert set(np.unique(at_once)) == {0.0, 0.5, 1.0}
+
+
+def test_a_thrown_body_has_no_commands():
+    allowed = Limits(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0]), 5, 0, 1)
+    ctrl, qpos, qvel = allowed.unpack(allowed.low)
+    assert ctrl.shape == (5, 0) and qpos.tolist() == [2.0] and qvel.tolist() == [3.0]
+
+
+def test_a_step_that_meets_a_bound_is_asked_again():
+    """Stiffness and rest of a spring that is nearly a constant force: what one gives up the other must not count on."""
+    columns = np.array([[1.0, 1.0], [0.0, 0.1]])
+    hessian, slope = columns.T @ columns, columns.T @ np.array([-1.0, 0.5])
+    step = bounded(hessian, slope, np.ones(2), np.array([-0.5, -np.inf]), np.full(2, np.inf))
+    alone = (slope[1] - hessian[1, 0] * -0.5) / hessian[1, 1]
+    assert step == pytest.approx([-0.5, alone])
+    assert bounded(hessian, slope, np.ones(2), np.full(2, -np.inf), np.full(2, np.inf)) == pytest.approx([-6.0, 5.0])
