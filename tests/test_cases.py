@@ -171,6 +171,7 @@ CASES = {  # keys of the case that are replaced -> what the line must say
     "unknown key": (altered(colour="red"), "colour is not a key"),
     "missing key": (altered(measurements=None), "measurements"),
     "wrong type": (altered(window="long"), "window is 'long'"),
+    "too few windows": (altered(windows=3), "windows is 3; it must be a whole number, at least 20"),
     "scientific text": (altered(rate="1e2"), "write 100.0"),
     "not finite": (altered(window=float("inf")), "finite"),
     "no file": (altered(runs=[{"file": "none.csv"}, {"file": "b.csv", "held_out": True}]), "does not exist"),

@@ -214,6 +214,25 @@ def test_a_window_that_is_stuck_is_begun_anew(nothing):
     assert restarted(problem, fitted.coordinates, fitted.point) is fitted.point
 
 
+def test_a_cap_takes_windows_from_every_run_and_every_part_of_it(nothing):
+    runs = nothing.recording.training  # three windows each
+    few_ = cut(runs, 80, 9)
+    assert len(few_.runs) == len(set(zip(few_.runs, few_.first, strict=True))) == 9
+    assert set(few_.runs) == set(range(len(runs))) and set(few_.first) == {0, 80, 160}
+    everything = cut(runs, 80)
+    for row, (which, first) in enumerate(zip(few_.runs, few_.first, strict=True)):
+        same = (everything.runs == which) & (everything.first == first)
+        assert np.array_equal(few_.measured[row], everything.measured[same][0])
+    assert len(cut(runs, 80, 100).runs) == len(everything.runs)
+
+
+def test_a_cap_thins_training_windows_and_no_others(nothing):
+    recording = replace(nothing.recording, windows=10)
+    made = bench(recording)
+    assert len(made.training.windows.runs) == 10
+    assert len(made.held_out.windows.runs) == len(nothing.bench.held_out.windows.runs)
+
+
 def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
     def rival(name, weight):
         return SimpleNamespace(placed=[SimpleNamespace(effect=SimpleNamespace(name=name))], weight=weight)

@@ -34,7 +34,7 @@ def bench(recording: Recording) -> Bench:
     length = round(recording.window / recording.period)
     problems = []
     for runs, held_out in ((recording.training, False), (recording.held_out, True)):
-        windows = cut(runs, length)
+        windows = cut(runs, length, 0 if held_out else recording.windows)
         starts = start_states(simulator, windows, noise, held_out)
         problems.append(Problem(simulator, windows, noise, starts, recording.start_sd))
     return Bench(*problems, (Simulator(recording, 2), Simulator(recording, 4)), noise)
