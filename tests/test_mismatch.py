@@ -214,6 +214,19 @@ def test_a_window_that_is_stuck_is_begun_anew(nothing):
     assert restarted(problem, fitted.coordinates, fitted.point) is fitted.point
 
 
+def test_windows_that_are_not_stuck_are_not_simulated_again(nothing, monkeypatch):
+    problem, fitted = nothing.bench.training, nothing.naming.naive.fitted
+    qvel, simulated = fitted.point.qvel.copy(), []
+    qvel[[3, 5]] += 30.0
+    lost = problem.evaluate(fitted.point.hypothesis, fitted.point.qpos, qvel, fitted.coordinates)
+    predict = problem.simulator.predict
+    monkeypatch.setattr(problem.simulator, "predict", lambda *given: simulated.append(len(given[2])) or predict(*given))
+    found = restarted(problem, fitted.coordinates, lost)
+    assert set(simulated) == {2}
+    again = problem.evaluate(found.hypothesis, found.qpos, found.qvel, fitted.coordinates)
+    assert found.cost == pytest.approx(again.cost)
+
+
 def test_a_cap_takes_windows_from_every_run_and_every_part_of_it(nothing):
     runs = nothing.recording.training  # three windows each
     few_ = cut(runs, 80, 9)
