@@ -171,6 +171,7 @@ CASES = {  # keys of the case that are replaced -> what the line must say
     "unknown key": (altered(colour="red"), "colour is not a key"),
     "missing key": (altered(measurements=None), "measurements"),
     "wrong type": (altered(window="long"), "window is 'long'"),
+    "too few windows": (altered(windows=3), "windows is 3; it must be a whole number, at least 20"),
     "scientific text": (altered(rate="1e2"), "write 100.0"),
     "not finite": (altered(window=float("inf")), "finite"),
     "no file": (altered(runs=[{"file": "none.csv"}, {"file": "b.csv", "held_out": True}]), "does not exist"),
@@ -483,6 +484,7 @@ def test_the_cases_of_the_rigs_read(rig):
     recording = read_case(ROOT / "config" / "recordings" / f"{rig}.yaml", RECORDINGS)
     model = recording.spec().compile()
     assert recording.training and recording.held_out
-    steps = sum(len(run.measured) for run in recording.training) * recording.period / model.opt.timestep
-    assert steps < 70_000  # 320 tosses need more than the others
+    seconds = sum(len(run.measured) for run in recording.training) * recording.period
+    fitted = min(seconds, recording.windows * recording.window or seconds)
+    assert fitted / model.opt.timestep < 30_000
     assert all(np.isfinite(run.ctrl).all() for run in recording.runs)

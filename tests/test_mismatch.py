@@ -224,6 +224,38 @@ def test_a_window_that_is_stuck_is_begun_anew(nothing):
     assert restarted(problem, fitted.coordinates, fitted.point) is fitted.point
 
 
+def test_windows_that_are_not_stuck_are_not_simulated_again(nothing, monkeypatch):
+    problem, fitted = nothing.bench.training, nothing.naming.naive.fitted
+    qvel, simulated = fitted.point.qvel.copy(), []
+    qvel[[3, 5]] += 30.0
+    lost = problem.evaluate(fitted.point.hypothesis, fitted.point.qpos, qvel, fitted.coordinates)
+    predict = problem.simulator.predict
+    monkeypatch.setattr(problem.simulator, "predict", lambda *given: simulated.append(len(given[2])) or predict(*given))
+    found = restarted(problem, fitted.coordinates, lost)
+    assert max(simulated) == 2
+    again = problem.evaluate(found.hypothesis, found.qpos, found.qvel, fitted.coordinates)
+    assert found.cost == pytest.approx(again.cost)
+
+
+def test_a_cap_takes_windows_from_every_run_and_every_part_of_it(nothing):
+    runs = nothing.recording.training  # three windows each
+    few_ = cut(runs, 80, 9)
+    assert len(few_.runs) == len(set(zip(few_.runs, few_.first, strict=True))) == 9
+    assert set(few_.runs) == set(range(len(runs))) and set(few_.first) == {0, 80, 160}
+    everything = cut(runs, 80)
+    for row, (which, first) in enumerate(zip(few_.runs, few_.first, strict=True)):
+        same = (everything.runs == which) & (everything.first == first)
+        assert np.array_equal(few_.measured[row], everything.measured[same][0])
+    assert len(cut(runs, 80, 100).runs) == len(everything.runs)
+
+
+def test_a_cap_thins_training_windows_and_no_others(nothing):
+    recording = replace(nothing.recording, windows=10)
+    made = bench(recording)
+    assert len(made.training.windows.runs) == 10
+    assert len(made.held_out.windows.runs) == len(nothing.bench.held_out.windows.runs)
+
+
 def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
     def rival(name, weight):
         return SimpleNamespace(placed=[SimpleNamespace(effect=SimpleNamespace(name=name))], weight=weight)
@@ -367,6 +399,15 @@ def test_the_verdict_names_nothing_for_sure_that_held_out_runs_refuse(friction):
     said = verdict(friction.naming, friction.recording, friction.location, refused)
     assert "does not improve held-out runs" in said
     assert not said.startswith("Missing")
+
+
+def test_the_verdict_tells_what_has_a_name_beside_what_has_none(friction, monkeypatch):
+    monkeypatch.setattr(Naming, "answer", "unnamed")
+    said = verdict(friction.naming, friction.recording, friction.location, friction.evidence)
+    assert said.startswith("Something is missing that the catalogue cannot name")
+    assert "Beside it: coulomb at joint_2 (friction 0.00" in said
+    refused = replace(friction.evidence, low=-0.01)
+    assert "coulomb" not in verdict(friction.naming, friction.recording, friction.location, refused)
 
 
 def test_an_effect_at_its_bound_does_nothing():

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from fimpact.mismatch.name import Naming
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.step import Step
 from fimpact.report import describe_inputs, pair, short, to_text, words, write_report
+from fimpact.report_figures import timeline
 
 
 def diagnosed(*placed: Placed) -> Diagnosis:
@@ -41,6 +43,12 @@ def written(diagnosis, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report") / "pendulum"
     write_report(diagnosis, folder, provenance={"inputs": {"log.csv": "0" * 64}})
     return folder
+
+
+def test_thinned_windows_are_not_shown_as_if_one_followed_the_other(diagnosis):
+    thinned = replace(diagnosis, recording=replace(diagnosis.recording, windows=20))
+    assert "fitted windows" not in timeline(diagnosis).axes[1].get_xlabel()
+    assert timeline(thinned).axes[1].get_xlabel().startswith("time in the fitted windows of 3 training runs")
 
 
 def test_the_folder_holds_page_data_figures_and_model(written):

@@ -48,7 +48,7 @@ class Recording:
     channels: names of the MJCF sensors measured, (ny,) counted by scalar components; a vector sensor is given
     as ``name[0]``, ``name[1]``, ... unknowns: what is fitted. noise: sd of each channel where known, else NaN.
     start_sd: prior standard deviation of qpos and qvel (2 nv,) at the start of each run, inf: none.
-    window: length of the windows in s, 0: whole runs.
+    window: length of the windows in s, 0: whole runs. windows: how many of the training runs' are fitted, 0: all.
     """
 
     xml: str
@@ -60,6 +60,7 @@ class Recording:
     noise: np.ndarray
     start_sd: np.ndarray
     window: float
+    windows: int = 0
 
     def spec(self) -> mujoco.MjSpec:
         """A fresh MjSpec of the naive model."""

@@ -220,7 +220,8 @@ def timeline(diagnosis: Diagnosis) -> Figure:
     for start in np.flatnonzero(np.diff(windows.runs[at])) + 1:
         ax.axvline(start * seconds / len(at), color=PAPER, linewidth=1)
     _ribbon(ribbon, location.mode[at].ravel(), seconds)
-    ribbon.set_xlabel(f"time in {names} (s)")
+    thinned = diagnosis.recording.windows
+    ribbon.set_xlabel(f"time in the fitted windows of {names} (s)" if thinned else f"time in {names} (s)")
     return figure
 
 

@@ -103,6 +103,7 @@ def _recording(
         noise=np.array(filtered),
         start_sd=starts.prior(naive.model, start),
         window=float(case.get("window", 0.0)),
+        windows=case.get("windows", 0),
     )
 
 

@@ -22,6 +22,7 @@ CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its 
 FEW = 8  # windows
 SIZES = (-9.0, 20.0)  # log of the variance, in units of what the sensors show of it
 REWEIGHTED = 4  # passes; the first counts all windows alike
+TRUST = 0.5  # of a coordinate's size: how far one linear step may go
 PASSES = 3  # of a disturbance and the effect beside it in turn
 MEMORIES = (-1.0, 3.5)  # log of the memory, in bins
 
@@ -180,7 +181,9 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
     clock = np.ones(ends[-1] - k)
     prior, scale = np.append(free.sd, CLOCK * clock), np.append(free.scale, CLOCK * clock)
     z = np.append(free.read(fits[0].point.hypothesis), 0 * clock)
+    far = np.append(TRUST * np.maximum(free.scale, np.abs(z[:k])), np.inf * clock)
     low, high = np.append(free.low, -np.inf * clock), np.append(free.high, np.inf * clock)
+    low, high = np.maximum(low - z, -far), np.minimum(high - z, far)
     places = [np.append(np.arange(k), np.arange(*pair)) for pair in pairwise(ends)]
     lefts = [linear.off(fit.point.residual) for fit, linear in zip(fits, linears, strict=True)]
     samples = [np.maximum((fit.point.residual != 0).sum(1), 1) for fit in fits]
@@ -191,7 +194,7 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
             information, score = _weighted(linear.projected, left, weight)
             hessian[np.ix_(place, place)] += information
             slope[place] += score
-        step = bounded(hessian, slope, scale, low - z, high - z)
+        step = bounded(hessian, slope, scale, low, high)
         squares = [
             ((left - linear.projected @ step[place]) ** 2).sum(1)
             for linear, left, place in zip(linears, lefts, places, strict=True)

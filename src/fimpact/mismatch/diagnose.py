@@ -57,9 +57,11 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     """What was found, in one or two sentences."""
     if naming.answer == "none":
         return "Nothing is missing that these recordings can show."
-    if naming.answer == "unnamed":
-        return f"Something is missing that the catalogue cannot name: {location.sentence}."
     found = "; ".join(in_words(naming, recording, p) for p in naming.best.placed)
+    if naming.answer == "unnamed":
+        named = f" Beside it: {found}, which explains {evidence.explained:.0%} of the explainable held-out mismatch."
+        sure = found and evidence.low > 0
+        return f"Something is missing that the catalogue cannot name: {location.sentence}.{named if sure else ''}"
     others = [m.name for m in naming.members[1:]]
     unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
     if not evidence.low > 0:

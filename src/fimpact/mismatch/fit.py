@@ -4,19 +4,24 @@ Levenberg-Marquardt on the problem that is left once initial states are projecte
 refits of many candidates share the sensitivities of what they have in common.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem, shift
-from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.simulate import Hypothesis, can_touch
 
 SETTLED, RELATIVE = 0.05, 2e-6  # log-likelihood, or share of the cost: less predicted gain changes no conclusion
+ROUGH = 2e-4  # the same as a share of what is beyond noise, which other things than parameters make
 THOUSANDTH = 1e-3
 UNSEEN = 1e-6  # squared sensitivity to a coordinate's whole scale below which it is left where it is
 DAMPING = (1e-4, 1e6)
 SHRINK = 5.0  # by which a positive parameter may shrink in one step
 STUCK = 3.0  # times the median of the windows' squares
+FAR, LEAPS = 0.3, 12  # of a coordinate or its scale: the first long step; how many are tried
+ON, BACK = 2.0, -0.5  # what a long step that paid is multiplied by, and one that did not
+BRIEFLY = 2  # iterations on initial states after a long step
+WORTH = 0.99  # of the cost: what a long step must reach for a fit to go on from there
 FULL = 1e-3  # damping up to which a step is as long as it wants to be
 
 
@@ -52,12 +57,22 @@ def fit(
     patience: int = 2,
     refresh: bool = True,
 ) -> Fit:
-    """Minimise from `start`.
+    """Minimise from `start`, and where things touch and that gets stuck, once more from where long steps lead.
 
     Args:
         linear: sensitivities to begin with; they are kept for `patience` iterations and refreshed after.
         refresh: whether those that are returned must be of the optimum itself, and not of a point near it.
     """
+    found = _descended(problem, coordinates, start, iterations, linear, patience, refresh)
+    if found.converged or not refresh or not can_touch(problem.simulator.base):
+        return found
+    far = leaped(problem, coordinates, found.point)
+    if far.cost > WORTH * found.point.cost:
+        return found
+    return _descended(problem, coordinates, far, iterations, None, patience, refresh)
+
+
+def _descended(problem, coordinates, start, iterations, linear, patience, refresh) -> Fit:
     point, damping, converged = start if linear else settled(problem, coordinates, start), DAMPING[0], False
     linear, age = linear or problem.linearise(point, coordinates), 0
     for _ in range(iterations):
@@ -65,18 +80,22 @@ def fit(
         if gain < 0.0:  # a bound cut the step short
             damping *= 30
             continue
-        if gain < max(SETTLED, RELATIVE * point.cost):
+        little = negligible(point)
+        if gain < little:
             if age == 0 or not refresh:
                 converged = True
                 break
             linear, age = problem.linearise(point, coordinates), 0
             continue
         trial = _moved(problem, point, coordinates, z_step, x_step)
-        if not trial.cost < point.cost and len(z_step):
+        if not len(z_step):  # windows that share nothing each keep the better of two starts
+            trial = _better(trial, point)
+        elif not trial.cost < point.cost:
             # In windows where the mechanism sticks or strikes, the tangent's start may be worse than the old one.
             trial = _better(trial, _moved(problem, point, coordinates, z_step, 0.0 * x_step))
         # A full step that changes nothing: what a secant promises beyond that is its own error.
-        converged = age == 0 and damping <= FULL and abs(point.cost - trial.cost) < max(SETTLED, RELATIVE * point.cost)
+        converged = age == 0 and damping <= FULL and abs(point.cost - trial.cost) < little
+        stalled = age == 0 and 0.0 < point.cost - trial.cost < little
         if trial.cost < point.cost:
             enough = point.cost - trial.cost > 0.5 * gain
             point, damping = trial, max(damping / 10, DAMPING[0])
@@ -87,11 +106,17 @@ def fit(
             linear, age = problem.linearise(point, coordinates), 0
         else:
             damping *= 30
-        if converged or damping > DAMPING[1]:
+        if converged or stalled or damping > DAMPING[1]:
             break
     if age > 0 and refresh:
         linear = problem.linearise(point, coordinates)
     return _made(point, linear, coordinates, converged)
+
+
+def negligible(point: Point) -> float:
+    """Gain in log-likelihood that changes no conclusion: the further a model is from the noise, the larger."""
+    misfit = point.cost - np.count_nonzero(point.residual) / 2
+    return max(SETTLED, RELATIVE * point.cost, ROUGH * misfit)
 
 
 def relinearised(problem: Problem, found: Fit) -> Fit:
@@ -107,24 +132,49 @@ def _made(point: Point, linear: Linear, coordinates: Coordinates, converged: boo
 
 def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations: int = 6) -> Point:
     """The initial states alone, each window with a damping of its own: a window that meets a contact must not hold
-    back those that do not. Stops where no window has more to gain than a thousandth of its cost."""
-    damping = np.full(len(point.qpos), DAMPING[0])
+    back those that do not. A window with no more to gain than a thousandth of its cost is done."""
+    going, damping = np.arange(len(point.qpos)), np.full(len(point.qpos), DAMPING[0])
+    states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
     for _ in range(iterations):
-        basis, triangle = problem.starts_at(point)
-        gram = triangle.transpose(0, 2, 1) @ triangle
-        along = np.einsum("wji,wj->wi", triangle, np.einsum("wmx,wm->wx", basis, point.residual))
-        loaded = gram + damping[:, None, None] * gram * np.eye(gram.shape[1])
-        step = np.linalg.solve(loaded, along[..., None])[..., 0]
-        before = (point.residual**2).sum(1)
-        if (np.einsum("wi,wi->w", step, along) < THOUSANDTH * before).all():
+        part, own = problem.part(going), replace(point, **{name: rows[going] for name, rows in states.items()})
+        step, gain = _start_step(part, own, damping[going])
+        before = (own.residual**2).sum(1)
+        moving = gain >= THOUSANDTH * before
+        if not moving.any():
             break
-        trial = _moved(problem, point, coordinates, 0.0, step)
+        trial = _moved(part, own, coordinates, 0.0, step)
         better = (trial.residual**2).sum(1) < before
-        mixed = [
-            np.where(better[:, None], new, old) for new, old in ((trial.qpos, point.qpos), (trial.qvel, point.qvel))
-        ]
-        point = problem.evaluate(point.hypothesis, *mixed, coordinates)
-        damping = np.where(better, damping / 10, np.minimum(damping * 30, DAMPING[1]))
+        for name, rows in states.items():
+            rows[going[better]] = getattr(trial, name)[better]
+        damping[going] = np.where(better, damping[going] / 10, np.minimum(damping[going] * 30, DAMPING[1]))
+        going = going[moving]
+    return problem.evaluate(point.hypothesis, states["qpos"], states["qvel"], coordinates)
+
+
+def _start_step(problem: Problem, point: Point, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Step of each window's initial state, (w, nx), and what it promises, (w,)."""
+    basis, triangle = problem.starts_at(point)
+    gram = triangle.transpose(0, 2, 1) @ triangle
+    along = np.einsum("wji,wj->wi", triangle, np.einsum("wmx,wm->wx", basis, point.residual))
+    loaded = gram + damping[:, None, None] * gram * np.eye(gram.shape[1])
+    step = np.linalg.solve(loaded, along[..., None])[..., 0]
+    return step, np.einsum("wi,wi->w", step, along)
+
+
+def leaped(problem: Problem, coordinates: Coordinates, point: Point) -> Point:
+    """Long steps along one coordinate after the other, longer while that pays, initial states settled after each: a
+    tangent through a contact holds for less than a step that would be worth while."""
+    for i, scale in enumerate(coordinates.scale):
+        z = coordinates.read(point.hypothesis)
+        step = FAR * max(scale, abs(z[i]))
+        for _ in range(LEAPS):
+            there = coordinates.write(point.hypothesis, z + step * (np.arange(len(z)) == i))
+            begun = problem.evaluate(there, point.qpos, point.qvel, coordinates)
+            trial = settled(problem, coordinates, begun, BRIEFLY)
+            better = trial.cost < point.cost
+            if better:
+                point, z = trial, coordinates.read(trial.hypothesis)
+            step *= ON if better else BACK
     return point
 
 
@@ -132,11 +182,15 @@ def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point
     """`point`, with windows that fit far worse than the others tried anew from what the measurements show: a start on
     the wrong side of a contact does not find its way back."""
     squares = (point.residual**2).sum(1)
-    if not (squares > STUCK * np.median(squares)).any():
+    loud = squares > STUCK * np.median(squares)
+    if not loud.any():
         return point
-    return _better(
-        point, settled(problem, coordinates, problem.evaluate(point.hypothesis, *problem.starts, coordinates))
-    )
+    part = problem.part(loud)
+    anew = settled(part, coordinates, part.evaluate(point.hypothesis, *part.starts, coordinates))
+    states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
+    for name, rows in states.items():
+        rows[loud] = getattr(anew, name)
+    return _better(point, replace(point, **states))
 
 
 def precision_of(linear: Linear, coordinates: Coordinates) -> np.ndarray:

@@ -16,6 +16,8 @@ from fimpact.recordings import Recording
 
 ROUNDS = 4  # of numerics and fit in turn, at most
 STILL = 3.0  # standard deviations squared, all samples together: no conclusion hangs on less
+FAINT = 1e-4  # nor on less than this share of the squares that are left
+SHRINKS = 0.75  # a first-order error halves with the step
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ def bench(recording: Recording) -> Bench:
     length = round(recording.window / recording.period)
     problems = []
     for runs, held_out in ((recording.training, False), (recording.held_out, True)):
-        windows = cut(runs, length)
+        windows = cut(runs, length, 0 if held_out else recording.windows)
         starts = start_states(simulator, windows, noise, held_out)
         problems.append(Problem(simulator, windows, noise, starts, recording.start_sd))
     return Bench(*problems, (Simulator(recording, 2), Simulator(recording, 4)), noise)
@@ -48,15 +50,23 @@ def correct(bench: Bench, problem: Problem, point: Point) -> float:
         How far the offset moved: the sum of squares, in standard deviations of the noise.
     """
     where = (problem.windows, point.qpos, point.qvel)
-    whole, half = (s.predict(point.hypothesis, *where) for s in (problem.simulator, bench.finer[0]))
+    whole, half, quarter = (s.predict(point.hypothesis, *where) for s in (problem.simulator, *bench.finer))
+    bend = np.nan_to_num(4 * (2 * quarter - 3 * half + whole) / 3, posinf=0.0, neginf=0.0)
     if problem.bend is None:  # later, noise stays what it was, or models could not be compared
-        quarter = bench.finer[1].predict(point.hypothesis, *where)
-        problem.bend = np.nan_to_num(4 * (2 * quarter - 3 * half + whole) / 3, posinf=0.0, neginf=0.0)
-        problem.noise = np.sqrt(bench.noise**2 + (problem.bend / 2) ** 2)
-    offset = np.nan_to_num(2 * (half - whole), posinf=0.0, neginf=0.0) + problem.bend
+        problem.bend = bend
+        problem.noise = np.sqrt(bench.noise**2 + (bend / 2) ** 2)
+    offset = np.nan_to_num(2 * (half - whole), posinf=0.0, neginf=0.0) + bend
+    offset *= converging(problem, half - whole, quarter - half)
     moved = problem.whiten(offset - problem.offset)
     problem.offset = offset
     return float((moved**2).sum())
+
+
+def converging(problem: Problem, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Windows, (w, 1, 1), in which a step halved twice changes predictions (by `first`, then `second`) less and less:
+    what a collision does between two steps comes and goes with their length, and is not extrapolated."""
+    before, after = ((problem.whiten(np.nan_to_num(change)) ** 2).sum(1) for change in (first, second))
+    return (after <= SHRINKS**2 * before)[:, None, None]
 
 
 def settle(problem: Problem, hypothesis: Hypothesis, near: Point | None = None, linear: Linear | None = None) -> Fit:
@@ -82,7 +92,7 @@ def again(bench: Bench, problem: Problem, found: Fit) -> Fit:
         start = problem.evaluate(point.hypothesis, point.qpos, point.qvel, found.coordinates)
         start = restarted(problem, found.coordinates, start)
         found = fit(problem, found.coordinates, start, 12, found.linear, refresh=False)
-        if moved < STILL:
+        if moved < max(STILL, FAINT * squares(found).sum()):
             break
     return found
 

@@ -4,6 +4,7 @@ Notation of DESIGN.md: residual r, sensitivities J to the coordinates that are f
 window. X is projected off window by window (QR), which leaves a small problem in the coordinates.
 """
 
+import copy
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -106,6 +107,13 @@ class Problem:
         self.starts = starts
         given = (windows.first == 0)[:, None] & np.isfinite(start_sd)
         self.start_weight = np.where(given, 1 / np.where(start_sd > 0, start_sd, 1.0), WEAK)
+
+    def part(self, rows: np.ndarray) -> "Problem":
+        """The problem of some windows only: `rows`, a mask (w,) or indices."""
+        out = copy.copy(self)
+        out.windows, out.starts = self.windows.part(rows), tuple(states[rows] for states in self.starts)
+        out.noise, out.offset, out.start_weight = self.noise[rows], self.offset[rows], self.start_weight[rows]
+        return out
 
     def whiten(self, measured: np.ndarray) -> np.ndarray:
         """Measurements or their differences (w, T, ny) in standard deviations, (w, T * ny); missing ones are 0."""

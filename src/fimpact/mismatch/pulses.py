@@ -14,6 +14,7 @@ import numpy as np
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.scales import scales
+from fimpact.mismatch.simulate import can_touch
 
 BINS = 8  # pieces of a window in which the force is constant
 PROBE = 0.02  # of the root mean square force
@@ -133,7 +134,7 @@ def _modes(touching: np.ndarray, since: int) -> np.ndarray:
 def _touching(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
     """Whether any contact is closed, (w, n)."""
     out = np.zeros(qpos.shape[:2], bool)
-    if not (model.npair or (model.geom_contype.any() and model.geom_conaffinity.any())):
+    if not can_touch(model):
         return out
     data = mujoco.MjData(model)
     for place in np.ndindex(out.shape):

@@ -8,6 +8,8 @@ from scipy.interpolate import make_smoothing_spline
 from fimpact.mismatch.locate import Location
 
 LEAST = 12  # points that a curve needs
+FINEST = 1e-4  # of the range: points nearer to each other make a spline ill-posed
+FAINT = 1e-9  # weight, relative to the largest, below which a point makes a spline ill-posed
 TERMS = {
     "1": np.ones_like,
     "x": lambda x: x,
@@ -50,13 +52,10 @@ def shapes(location: Location) -> list[Shape]:
 
 
 def _shape(dof: str, regressor: str, x, force, deviation) -> Shape | None:
-    order = np.argsort(x, kind="stable")
-    x, y, sd = x[order], force.ravel()[order], deviation.ravel()[order]
-    x, first = np.unique(x, return_index=True)
-    y, sd = y[first], np.maximum(sd[first], 1e-300)
-    if len(x) < LEAST or x[-1] <= x[0]:
+    x, y, sd = _merged(x, force.ravel(), deviation.ravel())
+    if len(x) < LEAST:
         return None
-    weight = (sd.min() / sd) ** 2
+    weight = np.maximum((sd.min() / sd) ** 2, FAINT)
     span = x[-1] - x[0]
     spline = make_smoothing_spline((x - x[0]) / span, y, weight)
     grid = np.linspace(x[0], x[-1], 100)
@@ -64,6 +63,15 @@ def _shape(dof: str, regressor: str, x, force, deviation) -> Shape | None:
     total = (weight * (y - np.average(y, weights=weight)) ** 2).sum() or 1.0
     explained = float(1 - (weight * (y - fitted) ** 2).sum() / total)
     return Shape(dof, regressor, x, y, sd, grid, spline((grid - x[0]) / span), explained, _equation(x, y, weight))
+
+
+def _merged(x, y, sd) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points in the order of x, those that a spline could not hold apart as one: their weighted means."""
+    apart = FINEST * np.ptp(x)
+    groups = np.unique(np.round((x - x.min()) / (apart or 1.0)), return_inverse=True)[1]
+    weight = np.maximum(sd, FAINT * sd.max()) ** -2.0
+    total = np.bincount(groups, weight)
+    return *(np.bincount(groups, weight * part) / total for part in (x, y)), total**-0.5
 
 
 def _equation(x, y, weight) -> str:

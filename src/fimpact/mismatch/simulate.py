@@ -6,7 +6,7 @@ step for all of them. A secant of that is the sensitivity to anything, through c
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -19,6 +19,7 @@ from fimpact.mismatch.player import FINER
 from fimpact.recordings import FIELDS, Recording, Run
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
+GOLDEN = 0.6180339887498949  # multiples of it are spread evenly between whole numbers
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
@@ -46,13 +47,22 @@ class Windows:
         """Samples in a window, T."""
         return self.measured.shape[1]
 
+    def part(self, rows: np.ndarray) -> "Windows":
+        """Some of them only: `rows`, a mask (w,) or indices."""
+        return replace(self, runs=self.runs[rows], first=self.first[rows], measured=self.measured[rows])
 
-def cut(runs: Sequence[Run], length: int) -> Windows:
+
+def cut(runs: Sequence[Run], length: int, most: int = 0) -> Windows:
     """Windows of `length` samples, 0: whole runs; left out are a remainder shorter than half a window and, if there are
-    others, windows without any measurement."""
+    others, windows without any measurement.
+
+    Args:
+        most: how many are kept, spread evenly over all runs; 0: all.
+    """
     longest = max(len(run.measured) for run in runs)
     size = min(length or longest, longest)
     places = [(i, k) for i, run in enumerate(runs) for k in range(0, max(len(run.measured) - size // 2, 1), size)]
+    places = [places[i] for i in spread(len(places), most)]
     index = np.arange(size)
     measured = np.full((len(places), size, runs[0].measured.shape[1]), np.nan)
     for row, (i, first) in enumerate(places):
@@ -63,6 +73,15 @@ def cut(runs: Sequence[Run], length: int) -> Windows:
     seen = np.isfinite(measured).any((1, 2))
     kept = seen if seen.any() else ~seen
     return Windows(which[kept], first[kept], measured[kept], ctrl, tuple(run.name for run in runs))
+
+
+def spread(count: int, most: int) -> np.ndarray:
+    """Indices of `most` of `count` things, 0: of all: one in each of as many equal stretches. Where in its stretch
+    varies, or every run of a few windows would give the same one of them."""
+    if not 0 < most < count:
+        return np.arange(count)
+    chosen = np.arange(most)
+    return ((chosen + chosen * GOLDEN % 1.0) * count / most).astype(int)
 
 
 # A trial step that diverges is an infinite cost; MuJoCo would print it and write a log file.
@@ -241,6 +260,11 @@ def _act(law: Placed, seen: State, pull: np.ndarray, limits: np.ndarray) -> None
     # Unequal limits are equal ones beside a constant force.
     limits[:, dof] += (forward + backward) / 2
     pull[:, dof] += (backward - forward) / 2
+
+
+def can_touch(model: mujoco.MjModel) -> bool:
+    """Whether anything in it may come into contact."""
+    return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
 
 
 def _sensor_column(model: mujoco.MjModel, channel: str) -> int:

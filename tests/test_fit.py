@@ -1,0 +1,91 @@
+"""The fit where things touch: a box that slides on a table, its friction far from the model's."""
+
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco.rollout import Rollout
+
+from fimpact.mismatch.fit import SETTLED, first_point, fit, leaped, negligible
+from fimpact.mismatch.judge import bench, converging, correct
+from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.simulate import Hypothesis
+from fimpact.recordings import Recording, Run, Unknown
+
+BOX = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom name="table" type="plane" size="1 1 0.1"/>
+    <body name="box" pos="0 0 0.05">
+      <joint name="along" type="slide" axis="1 0 0"/>
+      <joint name="up" type="slide" axis="0 0 1"/>
+      <geom name="box" type="box" size="0.05 0.05 0.05" mass="0.4"/>
+    </body>
+  </worldbody>
+  <contact><pair name="box_table" geom1="box" geom2="table"/></contact>
+  <sensor><jointpos name="x" joint="along"/><jointpos name="z" joint="up"/></sensor>
+</mujoco>
+"""
+PERIOD, SAMPLES, TRUE, NOISE = 0.01, 30, 0.2, 1e-5
+
+
+def throw(speed: float, height: float, held_out: bool) -> Run:
+    """A box that is let go at a height, m, with a speed along the table, m/s."""
+    model = mujoco.MjModel.from_xml_string(BOX)
+    model.pair_friction[:, :2], substeps = TRUE, round(PERIOD / model.opt.timestep)
+    start = np.array([[0.0, 0.0, height, speed, 0.0]])
+    _, sensed = Rollout(nthread=0).rollout(model, mujoco.MjData(model), start, nstep=SAMPLES * substeps)
+    noise = NOISE * np.random.default_rng(round(100 * abs(speed))).standard_normal((SAMPLES, 2))
+    return Run(f"{speed} {held_out}", np.zeros((SAMPLES, 0)), sensed[0, ::substeps] + noise, held_out)
+
+
+@pytest.fixture(scope="module")
+def sliding():
+    runs = [throw(speed, 0.0, held_out) for held_out in (False, True) for speed in (0.8, 1.2, -1.0)]
+    unknowns, known = (Unknown("pair_friction", "box_table"),), np.full(2, NOISE)
+    return bench(Recording(BOX, ".", PERIOD, ("x", "z"), tuple(runs), unknowns, known, np.full(4, np.inf), 0.0))
+
+
+def test_long_steps_lead_to_where_a_tangent_through_a_contact_does_not(sliding):
+    problem = sliding.training
+    free = coordinates(problem.simulator)
+    start = first_point(problem, free, Hypothesis(problem.simulator.theta))
+    far = leaped(problem, free, start)
+    assert far.hypothesis.theta[0] == pytest.approx(TRUE, abs=0.1)
+    found = fit(problem, free, start, iterations=1)  # which is too few for anything but a long step
+    assert found.point.hypothesis.theta[0] == pytest.approx(TRUE, abs=0.1)
+    assert found.point.cost < 0.1 * start.cost
+
+
+def test_only_far_from_the_noise_a_fit_may_be_rough():
+    def of(size):
+        residual = np.full((3, 60), size)
+        return SimpleNamespace(residual=residual, cost=(residual**2).sum() / 2)
+
+    assert negligible(of(1.0)) == SETTLED
+    far = of(100.0)
+    assert negligible(far) > 1e-4 * far.cost > SETTLED
+
+
+def test_a_difference_that_halving_the_step_does_not_shrink_is_not_extrapolated(sliding):
+    problem = sliding.training
+    first = np.ones_like(problem.windows.measured)
+    second = first * np.array([0.5, 0.9, 2.0])[:, None, None]
+    assert converging(problem, first, second).ravel().tolist() == [True, False, False]
+
+
+def test_the_error_of_the_time_step_is_that_of_where_the_fit_now_is():
+    runs = [throw(1.0, height, held_out) for held_out in (False, True) for height in (0.05, 0.1)]
+    nothing = (), np.full(2, NOISE), np.full(4, np.inf), 0.0
+    made = bench(Recording(BOX, ".", PERIOD, ("x", "z"), tuple(runs), *nothing))
+    problem, free = made.training, coordinates(made.training.simulator)
+    struck = first_point(problem, free, Hypothesis(problem.simulator.theta))
+    correct(made, problem, struck)
+    noise = problem.noise
+    # So far above the table that it flies on.
+    above = problem.evaluate(struck.hypothesis, struck.qpos + np.array([0.0, 5.0]), struck.qvel, free)
+    correct(made, problem, above)
+    assert np.abs(problem.offset[:, :, 0]).max() < NOISE
+    assert problem.noise is noise
