@@ -26,7 +26,7 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis, Simulator, cut
 from fimpact.mismatch.starts import noise_level
-from fimpact.mismatch.step import Search, _rivals
+from fimpact.mismatch.step import Search, Step, _rivals
 
 FRICTION = 0.004  # N m
 
@@ -340,7 +340,7 @@ def test_what_is_alike_in_all_runs_is_no_difference():
 
 def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(monkeypatch):
     def explained(name):
-        return SimpleNamespace(name=name, placed=name.replace("none", "").split("+"), fitted=None)
+        return SimpleNamespace(name=name, placed=name.split("+"), fitted=SimpleNamespace(point=None))
 
     rounds = iter(["payload", "com_shift+payload", "com_shift+payload"])
     left = iter(["com_shift", "payload"])
@@ -348,14 +348,19 @@ def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(mon
     def stub(name, value):
         monkeypatch.setattr(f"fimpact.mismatch.name.{name}", value)
 
-    stub("step", lambda *_: SimpleNamespace(rivals=[explained(next(rounds))]))
+    stub("step", lambda *_: Step([], np.zeros(0), [explained(next(rounds))]))
     stub("_reconsider", lambda *_: [explained(next(left))])
     stub("explained", lambda *_: 0.0)
     stub("_worthwhile", lambda *_: True)
     stub("numerics", lambda _, explanation: explanation)
     stub("sharpened", lambda _, __, explanation: explanation)
     stub("idle", lambda _: False)
-    steps, best, _ = build(Search(None, (), None, None, print), SimpleNamespace(placed=(), fitted=None))
+    stub("kept", lambda *_: True)
+    stub("lost", lambda _: False)
+    problem, naive = SimpleNamespace(offset=0.0), explained("none")
+    naive.placed = ()
+    made = SimpleNamespace(training=problem, held_out=problem)
+    steps, best, _ = build(Search(made, (), None, None, print), naive)
     assert best.name == "com_shift"
     assert len(steps) == 3
 

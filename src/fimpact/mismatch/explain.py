@@ -74,11 +74,11 @@ def seen(explanation: Explanation) -> np.ndarray:
     return np.array([size.get((i, c.name), np.inf) > UNSEEN * largest[i, c.unit] for i, c in coefficients], bool)
 
 
-def refit(bench: Bench, current: Explanation, candidate: Candidate) -> Explanation:
+def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:
     """All coordinates together, to convergence; what is shared with the current fit is not linearised anew."""
-    problem, placed = bench.training, (*current.placed, candidate.start())
+    problem, placed = bench.training, (*current.placed, *(c.start() for c in candidates))
     point = current.fitted.point
-    sizes = tuple(sizes_of(p) for p in (*current.placed, candidate.placed))
+    sizes = tuple(sizes_of(p) for p in (*current.placed, *(c.placed for c in candidates)))
     free = coordinates(problem.simulator, placed, sizes)
     start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
     new = range(len(current.fitted.coordinates.scale), len(free.scale))

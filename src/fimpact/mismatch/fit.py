@@ -19,6 +19,7 @@ DAMPING = (1e-4, 1e6)
 SHRINK = 5.0  # by which a positive parameter may shrink in one step
 STUCK = 3.0  # times the median of the windows' squares
 FAR, LEAPS = 0.3, 12  # of a coordinate or its scale: the first long step; how many are tried
+LOST = 10.0  # times the noise: mean square residual from which long steps are tried
 ON, BACK = 2.0, -0.5  # what a long step that paid is multiplied by, and one that did not
 BRIEFLY = 2  # iterations on initial states after a long step
 WORTH = 0.99  # of the cost: what a long step must reach for a fit to go on from there
@@ -57,14 +58,15 @@ def fit(
     patience: int = 2,
     refresh: bool = True,
 ) -> Fit:
-    """Minimise from `start`, and where things touch and that gets stuck, once more from where long steps lead.
+    """Minimise from `start`; where things touch and that gets stuck far from the noise, once more from where long steps
+    lead.
 
     Args:
         linear: sensitivities to begin with; they are kept for `patience` iterations and refreshed after.
         refresh: whether those that are returned must be of the optimum itself, and not of a point near it.
     """
     found = _descended(problem, coordinates, start, iterations, linear, patience, refresh)
-    if found.converged or not refresh or not can_touch(problem.simulator.base):
+    if found.converged or not refresh or not (lost(found.point) and can_touch(problem.simulator.base)):
         return found
     far = leaped(problem, coordinates, found.point)
     if far.cost > WORTH * found.point.cost:
@@ -111,6 +113,11 @@ def _descended(problem, coordinates, start, iterations, linear, patience, refres
     if age > 0 and refresh:
         linear = problem.linearise(point, coordinates)
     return _made(point, linear, coordinates, converged)
+
+
+def lost(point: Point) -> bool:
+    """Whether what is left is many times the noise."""
+    return 2 * point.cost > LOST * np.count_nonzero(point.residual)
 
 
 def negligible(point: Point) -> float:

@@ -12,14 +12,15 @@ import numpy as np
 from fimpact.effects.base import Effect
 from fimpact.mismatch.colour import FEW, colour, disturbance, generalised
 from fimpact.mismatch.explain import Explanation, explain, numerics, sharpened, without
-from fimpact.mismatch.judge import Bench, base_fit
+from fimpact.mismatch.fit import lost
+from fimpact.mismatch.judge import Bench, base_fit, squares
 from fimpact.mismatch.nameless import nameless
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.pulses import Pulses, pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
-from fimpact.mismatch.step import ALARM, Search, Step, step
+from fimpact.mismatch.step import ALARM, Search, Step, step, together
 from fimpact.mismatch.weigh import both, dispersion, explained, members, predicted, weigh
 
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
@@ -29,6 +30,7 @@ WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
 WILDER = 100.0  # the same where windows are too few to know what a disturbance does
 CERTAIN = 0.01  # family-wise p at which a force without a name is there beside the best named answer
 SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
+TRIES, SLACK = 3, 0.01  # rivals that are sharpened in a round; share of the held-out squares that is chance
 LARGEST = 3  # effects that are added, at most
 
 
@@ -108,19 +110,44 @@ def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, 
     best, rivals, steps, known = naive, [], [], set()
     while len(best.placed) < LARGEST:
         steps.append(step(search, best, TRACE * explained(search.pulses, naive.fitted, best.fitted)))
-        if not steps[-1].rivals or not _worthwhile(search, naive, best, steps[-1]):
+        found = _further(search, naive, best, steps[-1], known)
+        if not found and steps[-1].rivals and lost(best.fitted.point) and len(best.placed) + 2 <= LARGEST:
+            paired = together(search, best, steps[-1])
+            found = _further(search, naive, best, paired, known)
+            steps[-1] = paired if found else steps[-1]
+        if not found:
             break
-        ranked = steps[-1].rivals
+        best, rivals = found
+        known |= {r.name for r in rivals}
+    return steps, best, rivals[1:]
+
+
+def _further(search: Search, naive: Explanation, best: Explanation, last: Step, known: set[str]):
+    """The first of a round's rivals that is worthwhile and new and, sharpened, does something and keeps its word, and
+    the rivals from there on; None if there is none."""
+    problems = search.bench.training, search.bench.held_out
+    offsets = [problem.offset for problem in problems]
+    for first in range(min(len(last.rivals), TRIES)):
+        ranked = search.ranked(last.rivals[first:]) if first else last.rivals
+        if not _worthwhile(search, naive, best, replace(last, rivals=ranked)):
+            return None
         if len(ranked[0].placed) > 1:
             ranked = _reconsider(search, ranked)
         if ranked[0].name in known:
-            break  # what is left was weighed before: from here on names would take turns for ever
-        known |= {r.name for r in ranked}
-        further = sharpened(search.bench, search.pulses, numerics(search.bench, ranked[0]))
-        if idle(further):
-            break
-        best, rivals = further, ranked
-    return steps, best, rivals[1:]
+            return None  # it was weighed before: from here on names would take turns for ever
+        found = sharpened(search.bench, search.pulses, numerics(search.bench, ranked[0]))
+        if not idle(found) and kept(best, found):
+            return found, ranked
+        for problem, offset in zip(problems, offsets, strict=True):
+            problem.offset = offset
+    return None
+
+
+def kept(before: Explanation, after: Explanation) -> bool:
+    """Whether held-out windows really are predicted no worse, but for chance: what one linear step promised of an
+    effect that is large, or of one that the windows hardly show, need not come true."""
+    was, now = squares(before.judged).sum(), squares(after.judged).sum()
+    return bool(now <= was + max(CHANCE, SLACK * was))
 
 
 def idle(explanation: Explanation) -> bool:

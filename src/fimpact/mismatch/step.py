@@ -14,6 +14,7 @@ from fimpact.mismatch.colour import beside, coloured, disturbance
 from fimpact.mismatch.explain import Explanation, refit
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench
+from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
 from fimpact.mismatch.weigh import weigh
@@ -23,6 +24,7 @@ FURTHER = 0.01  # the same for each further effect
 REFITS = 8  # candidates that are truly refitted in each step
 EASY, MORE = 20, 24  # windows up to which that costs little, and how many are refitted then
 LOUD, AGAIN = 4, 2  # the most refitted of each further ranking, and how often the best may be asked what it leaves
+PAIRS = 4  # pairs refitted of each ranking, where no single candidate is worth while and little is explained
 RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
@@ -95,6 +97,17 @@ def _rivals(search: Search, current: Explanation, screened: list[Candidate], mos
             break
         rivals = found
     return rivals
+
+
+def together(search: Search, current: Explanation, alone: Step) -> Step:
+    """The step with pairs of effects as rivals, the best as screened and as if only the sensors disturbed."""
+    louder = _by_gain(search, current.fitted, alone.screened)
+    tried = {frozenset(c.placed.name for c in pair): pair for s in (louder, alone.screened) for pair in pairs(s, PAIRS)}
+    rivals = []
+    for pair in tried.values():
+        search.progress(f"refitting with {' and '.join(c.placed.name for c in pair)}")
+        rivals.append(refit(search.bench, current, *pair))
+    return replace(alone, rivals=search.ranked([r for r in rivals if np.isfinite(r.deviance)]))
 
 
 def _by_gain(search: Search, fitted: Fit, candidates: list[Candidate]) -> list[Candidate]:
