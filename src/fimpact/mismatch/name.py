@@ -131,15 +131,15 @@ def _further(search: Search, naive: Explanation, best: Explanation, last: Step, 
         ranked = search.ranked(last.rivals[first:]) if first else last.rivals
         if not _worthwhile(search, naive, best, replace(last, rivals=ranked)):
             return None
-        if len(ranked[0].placed) > 1:
-            ranked = _reconsider(search, ranked)
-        if ranked[0].name in known:
-            return None  # it was weighed before: from here on names would take turns for ever
-        found = sharpened(search.bench, search.pulses, numerics(search.bench, ranked[0]))
-        if not idle(found) and kept(best, found):
-            return found, ranked
-        for problem, offset in zip(problems, offsets, strict=True):
-            problem.offset = offset
+        # A surrogate that promised more, and does not keep it, gives the place back.
+        for asked in [_reconsider(search, ranked), ranked] if len(ranked[0].placed) > 1 else [ranked]:
+            if asked[0].name in known:
+                return None  # it was weighed before: from here on names would take turns for ever
+            found = sharpened(search.bench, search.pulses, numerics(search.bench, asked[0]))
+            if not idle(found) and kept(best, found):
+                return found, asked
+            for problem, offset in zip(problems, offsets, strict=True):
+                problem.offset = offset
     return None
 
 
