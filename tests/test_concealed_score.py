@@ -20,6 +20,7 @@ from fimpact.concealed.score import COLUMNS, gather, score_case
 from fimpact.concealed.truth import Planted, Truth
 
 ROOT = Path(__file__).parents[1]
+PRESENT = ROOT / "results" / "reference" / "concealed" / "cases-b79c76e.csv"
 REFERENCE = ROOT / "results" / "reference" / "concealed" / "cases.csv"
 SETTINGS = {
     "seed": 5,
@@ -277,3 +278,14 @@ def test_the_readme_shows_the_committed_measures():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     shown = readme.partition("<!-- concealed -->\n")[2].partition("<!-- /concealed -->")[0]
     assert shown == measures.to_markdown(measures.read_cases(REFERENCE))
+
+
+def test_the_readme_shows_what_the_present_version_reached_on_unseen_cases():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    shown = readme.partition("<!-- concealed now -->\n")[2].partition("<!-- /concealed now -->")[0].splitlines()[2:]
+    tables = [measures.to_markdown(measures.read_cases(path)) for path in (REFERENCE, PRESENT)]
+    for row in shown:
+        _, _, *values, cases = row.strip("| ").split(" | ")[-5:]
+        for value, count, table in zip(values, cases.split(", "), tables, strict=True):
+            assert f"| {value} | {count} |" in table, row
+    assert len(shown) == 20
