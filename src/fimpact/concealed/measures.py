@@ -187,17 +187,7 @@ def _time(cases: pd.DataFrame) -> list[Measure]:
         average("refitting all over screening all, time ratio, median", ratio, np.median, number(" ×", 0), 1, 20, 100),
         average("one arm case, all stages, median", arm.seconds, np.median, number(" s", 1), -1, 60, 15),
         average("… 95th percentile", arm.seconds, _most, number(" s", 1)),
-        Measure(
-            f"whole benchmark, {WHOLE} cases, on 2 cores",
-            whole,
-            np.nan,
-            np.nan,
-            len(cases),
-            -1,
-            120,
-            45,
-            number(" min", 0),
-        ),
+        Measure(what, whole, np.nan, np.nan, len(cases), -1, 120, 45, number(" min", 0)),
     ]
 
 
