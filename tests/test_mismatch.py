@@ -280,12 +280,39 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
 
     stub("_by_gain", lambda search, fitted, given: [candidate(rankings[fitted])])
     stub("shortlist", lambda ranking, most: ranking)
-    stub("refit", lambda bench, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0))
+    stub("refit", lambda bench, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True))
     stub("disturbance", lambda *_: None)
     stub("coloured", lambda *_: "left")
     monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
     search, current = Search(None, (), None, None, lambda _: None), SimpleNamespace(fitted="sensors")
     assert [r.placed[-1].name for r in _rivals(search, current, [candidate("a")], 8)] == ["a", "b", "c"]
+
+
+def test_only_what_comes_near_the_likeliest_gets_numerics_of_its_own(monkeypatch):
+    """And what they change is weighed again, until the likeliest has its own."""
+
+    def rival(name, deviance, exact=False):
+        return SimpleNamespace(name=name, deviance=deviance, exact=exact)
+
+    def ranked(self, rivals):
+        least = min(r.deviance for r in rivals)
+        for r in rivals:
+            r.weight = np.exp((least - r.deviance) / 2)
+        return sorted(rivals, key=lambda r: r.deviance)
+
+    asked, shifts = [], {"a": 40.0, "b": 0.0, "c": -20.0}
+
+    def corrected(bench, r):
+        asked.append(r.name)
+        return rival(r.name, r.deviance + shifts[r.name], True)
+
+    monkeypatch.setattr(Search, "ranked", ranked)
+    monkeypatch.setattr("fimpact.mismatch.step.corrected", corrected)
+    search = Search(None, (), None, None, print)
+    found = search.compared([rival("a", 0.0), rival("b", 60.0), rival("c", 50.0), rival("d", np.inf)])
+    assert asked == ["a", "c", "b"] and [r.name for r in found] == ["c", "a", "b"]
+    asked.clear()
+    assert [r.name for r in search.compared([rival("a", 0.0), rival("b", 90.0)])] == ["a", "b"] and asked == ["a"]
 
 
 @pytest.mark.parametrize(("windows", "dispersion", "said"), [(3, 50, "none"), (3, 200, "unnamed"), (8, 50, "unnamed")])
@@ -304,7 +331,7 @@ def test_what_changes_nothing_costs_nothing(nothing):
     assert [c.placed for c in found] == [shift]
     explained = refit(bench, current, found[0])
     assert list(seen(explained)) == [True, True, False]
-    assert price(explained) == pytest.approx(2 * np.log(sum(nothing_zero(part) for part in explained.parts)))
+    assert price(explained) == pytest.approx(2 * np.log(sum(samples_in(part) for part in explained.parts)))
 
 
 def moved(explanation, *placed):
@@ -312,7 +339,7 @@ def moved(explanation, *placed):
     return Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel
 
 
-def nothing_zero(part):
+def samples_in(part):
     return (part.point.residual != 0).sum()
 
 

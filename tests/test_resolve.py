@@ -9,13 +9,13 @@ from planted import record
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import bounded
-from fimpact.mismatch.discriminate import Limits, limits, worth
+from fimpact.mismatch.discriminate import ENOUGH, PATIENCE, Limits, _search, limits, worth
 from fimpact.mismatch.explain import explain, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import base_fit, bench
-from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.problem import Linear, coordinates
 from fimpact.mismatch.resolve import resolve
-from fimpact.mismatch.separate import known, separations
+from fimpact.mismatch.separate import MOST, _left, known, separations
 from fimpact.mismatch.simulate import Hypothesis, cut
 from fimpact.mismatch.weigh import members as told_apart
 
@@ -91,6 +91,30 @@ def test_a_disturbance_hides_what_separates(rivals):
     louder = replace(told, pushing=replace(told.pushing, sd=told.pushing.sd + 0.01))
     assert quiet.shape == (3, 1) and (quiet > 0).all()
     assert (separations(made, members, louder, *parts) < 0.5 * quiet).all()
+
+
+def test_no_window_alone_separates():
+    """Motion that amplifies a difference amplifies what hides it: what one window shows counts up to a limit, and what
+    the coordinates may absorb is not asked of that window."""
+    slope = np.ones((2, 4, 1))
+    linear = Linear(np.zeros((2, 4, 0)), np.zeros((2, 0, 0)), slope, slope)
+    shown = np.array([[1.0, -1.0, 0.5, -0.5], [200.0, -200.0, 300.0, -300.0]])
+    found = _left(shown, linear, 1e-6 * np.eye(1), 1)
+    assert found == pytest.approx([2.5 + MOST], rel=1e-3)
+    assert _left(shown + 1.0, linear, 1e-6 * np.eye(1), 1) == pytest.approx(found, rel=1e-2)
+    assert _left(shown, linear, 1e-6 * np.eye(1), 2) == pytest.approx([2.5, MOST], rel=1e-3)
+
+
+@pytest.mark.parametrize(("value", "searched"), [(2 * ENOUGH, 0), (ENOUGH / 2, PATIENCE + 1)])
+def test_a_search_ends_when_more_is_not_needed_or_not_found(value, searched):
+    calls, allowed = [], Limits(np.zeros(3), np.ones(3), 5, 0, 1)
+
+    def constant(designs):
+        calls.append(len(designs))
+        return np.full((len(designs), 1), value)
+
+    found, pairs = _search(constant, allowed, np.full(3, 0.5), np.array([value]), 0)
+    assert len(calls) == searched and pairs == [value] and found == pytest.approx([0.5] * 3)
 
 
 def test_a_pair_that_nothing_separates_does_not_decide():

@@ -40,7 +40,7 @@ rule diagnose_recording:
         "<recordings>/logs/diagnose/{case}.log",
     wildcard_constraints:
         case="|".join(map(re.escape, KNOWN)),
-    threads: 1
+    threads: workflow.cores
     params:
         data=DATA,
     message:

@@ -19,6 +19,7 @@ POOL = 32  # random experiments to start from, half of them calmer than the limi
 POPULATION, GENERATIONS = 16, 16  # of the search that follows
 SPREAD = 0.2  # its first steps, of the limits
 NEEDED = 11.0  # non-centrality for 80 % power at 1 %
+ENOUGH, PATIENCE = 4 * NEEDED, 5  # separation of all pairs, and generations without a better one, that end the search
 
 
 @dataclass(frozen=True)
@@ -106,12 +107,15 @@ def _search(value, allowed: Limits, best: np.ndarray, pairs: np.ndarray, seed: i
     span, most = np.maximum(allowed.high - allowed.low, 1e-9), worth(pairs[None])[0]
     box = np.tile([0.0, 1.0], (len(span), 1))
     cma = CMA((best - allowed.low) / span, SPREAD, box, seed=seed, population_size=POPULATION)
-    for _ in range(GENERATIONS):
+    last = 0
+    for generation in range(GENERATIONS):
+        if pairs.min() > ENOUGH or generation - last > PATIENCE:
+            break
         asked = np.array([cma.ask() for _ in range(POPULATION)])
         found = value(allowed.low + asked * span)
         gains = worth(found)
         cma.tell([(point, -gain) for point, gain in zip(asked, gains, strict=True)])
         if gains.max() > most:
             at = np.argmax(gains)
-            best, pairs, most = allowed.low + asked[at] * span, found[at], gains[at]
+            best, pairs, most, last = allowed.low + asked[at] * span, found[at], gains[at], generation
     return best, pairs

@@ -23,7 +23,8 @@ SHARPER = 2  # generalised steps from a fit by ordinary least squares
 @dataclass(frozen=True)
 class Explanation:
     """The effects added, the fit, and the held-out windows under it; deviance: `explain`, or `weigh` where rivals were
-    weighed; weight: its share of belief among its rivals; dispersion: what their deviances were divided by."""
+    weighed; weight: its share of belief among its rivals; dispersion: what their deviances were divided by; exact:
+    whether the time step's error was measured here and not where a rival is."""
 
     placed: tuple[Placed, ...]
     fitted: Fit
@@ -31,6 +32,7 @@ class Explanation:
     deviance: float
     weight: float = 0.0
     dispersion: float = 1.0
+    exact: bool = False
 
     @property
     def name(self) -> str:
@@ -75,7 +77,8 @@ def seen(explanation: Explanation) -> np.ndarray:
 
 
 def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:
-    """All coordinates together, to convergence; what is shared with the current fit is not linearised anew."""
+    """All coordinates together, to convergence; what is shared with the current fit is not linearised anew, and its
+    numerics are taken over (`corrected`)."""
     problem, placed = bench.training, (*current.placed, *(c.start() for c in candidates))
     point = current.fitted.point
     sizes = tuple(sizes_of(p) for p in (*current.placed, *(c.placed for c in candidates)))
@@ -85,11 +88,18 @@ def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explana
     base = problem.predict(start.hypothesis, point.qpos, point.qvel)
     raw = np.concatenate([current.fitted.linear.raw, problem.columns(start, free, new, base)], 2)
     linear = Linear(current.fitted.linear.basis, current.fitted.linear.triangle, raw, raw)
-    fitted = fit(problem, free, start, 12, replace(linear, projected=linear.off(raw)))
+    fitted = fit(problem, free, start, 12, replace(linear, projected=linear.off(raw)), far=new)
     judged = settle(bench.held_out, fitted.point.hypothesis, current.judged.point, current.judged.linear)
-    offsets = problem.offset, bench.held_out.offset
-    found = numerics(bench, explain(fitted, judged))
-    problem.offset, bench.held_out.offset = offsets
+    return explain(fitted, judged)
+
+
+def corrected(bench: Bench, rival: Explanation) -> Explanation:
+    """`rival` with numerics of its own, those of the problems left as they are for the others."""
+    problems = bench.training, bench.held_out
+    offsets = [problem.offset for problem in problems]
+    found = numerics(bench, rival)
+    for problem, offset in zip(problems, offsets, strict=True):
+        problem.offset = offset
     return found
 
 
@@ -117,7 +127,7 @@ def numerics(bench: Bench, best: Explanation) -> Explanation:
     fitted = again(bench, bench.training, best.fitted)
     judged = settle(bench.held_out, fitted.point.hypothesis, best.judged.point, best.judged.linear)
     judged = again(bench, bench.held_out, judged)
-    return replace(explain(fitted, judged), weight=best.weight, dispersion=best.dispersion)
+    return replace(explain(fitted, judged), weight=best.weight, dispersion=best.dispersion, exact=True)
 
 
 def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanation:

@@ -4,6 +4,7 @@ Levenberg-Marquardt on the problem that is left once initial states are projecte
 refits of many candidates share the sensitivities of what they have in common.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,6 +58,7 @@ def fit(
     linear: Linear | None = None,
     patience: int = 2,
     refresh: bool = True,
+    far: Collection[int] | None = None,
 ) -> Fit:
     """Minimise from `start`; where things touch and that gets stuck far from the noise, once more from where long steps
     lead.
@@ -64,14 +66,15 @@ def fit(
     Args:
         linear: sensitivities to begin with; they are kept for `patience` iterations and refreshed after.
         refresh: whether those that are returned must be of the optimum itself, and not of a point near it.
+        far: coordinates in which long steps are tried; None: in all.
     """
     found = _descended(problem, coordinates, start, iterations, linear, patience, refresh)
     if found.converged or not refresh or not (lost(found.point) and can_touch(problem.simulator.base)):
         return found
-    far = leaped(problem, coordinates, found.point)
-    if far.cost > WORTH * found.point.cost:
+    there = leaped(problem, coordinates, found.point, far)
+    if there.cost > WORTH * found.point.cost:
         return found
-    return _descended(problem, coordinates, far, iterations, None, patience, refresh)
+    return _descended(problem, coordinates, there, iterations, None, patience, refresh)
 
 
 def _descended(problem, coordinates, start, iterations, linear, patience, refresh) -> Fit:
@@ -168,12 +171,12 @@ def _start_step(problem: Problem, point: Point, damping: np.ndarray) -> tuple[np
     return step, np.einsum("wi,wi->w", step, along)
 
 
-def leaped(problem: Problem, coordinates: Coordinates, point: Point) -> Point:
+def leaped(problem: Problem, coordinates: Coordinates, point: Point, along: Collection[int] | None = None) -> Point:
     """Long steps along one coordinate after the other, longer while that pays, initial states settled after each: a
     tangent through a contact holds for less than a step that would be worth while."""
-    for i, scale in enumerate(coordinates.scale):
+    for i in range(len(coordinates.scale)) if along is None else along:
         z = coordinates.read(point.hypothesis)
-        step = FAR * max(scale, abs(z[i]))
+        step = FAR * max(coordinates.scale[i], abs(z[i]))
         for _ in range(LEAPS):
             there = coordinates.write(point.hypothesis, z + step * (np.arange(len(z)) == i))
             begun = problem.evaluate(there, point.qpos, point.qvel, coordinates)

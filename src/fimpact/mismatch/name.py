@@ -177,7 +177,7 @@ def _worthwhile(search: Search, naive: Explanation, current: Explanation, last: 
     to explain. What training shows beyond doubt, a few held-out runs may fail to show by chance."""
     pushing = disturbance(last.rivals[0].fitted, search.pulses)
     shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
-    before, now, then = (predicted(search.bench, e, shades) for e in (naive, current, last.rivals[0]))
+    before, now, then = predicted(search.bench, (naive, current, last.rivals[0]), shades)
     if current.placed:
         return bool(now - then > max(TRACE * (before - now), 0.0))
     return bool(now - then > (-CHANCE if last.least <= SURE else 0.0))

@@ -2,8 +2,8 @@
 
 The non-centrality of k under l is what is left of y_l - y_k when initial states, the clock and the coordinates of k
 have absorbed what they can, each as far as the recordings leave it open, among the disturbance that the recordings
-show and the error of the time step: wild motion magnifies a difference, and with it everything that hides it. Shapes
-stay as they are stated, as `resolve` asks first: a spring may always turn into a constant force.
+show and the error of the time step: wild motion magnifies a difference, and with it everything that hides it, so no
+window alone can separate. Shapes stay as they are stated, as `resolve` asks first: a spring may always turn into a constant force.
 """
 
 from dataclasses import dataclass, replace
@@ -12,13 +12,15 @@ from itertools import combinations
 import numpy as np
 from scipy.linalg import block_diag
 
-from fimpact.mismatch.colour import CLOCK, Colour, Disturbance, colour, disturbance, generalised
+from fimpact.mismatch.colour import CLOCK, REWEIGHTED, Colour, Disturbance, colour, disturbance, generalised
 from fimpact.mismatch.explain import Explanation, shapes_of
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import NOTHING, Linear, Point, Problem
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis, Windows
+
+MOST = 9.0  # non-centrality that one window may be counted for
 
 
 @dataclass(frozen=True)
@@ -113,10 +115,15 @@ def _member(problem: Problem, fitted: Fit, shared: Linear) -> tuple[np.ndarray, 
 
 
 def _left(difference: np.ndarray, linear: Linear, information: np.ndarray, count: int) -> np.ndarray:
-    """What is left of squares of `difference` in each experiment, (count,)."""
-    free = linear.off(difference).reshape(count, -1)
-    slopes = linear.projected.reshape(count, free.shape[1], -1)
-    along = np.einsum("nma,nm->na", slopes, free)
-    gram = np.einsum("nma,nmb->nab", slopes, slopes)
-    inner = np.linalg.solve(information + gram, along[..., None])[..., 0]
-    return (free**2).sum(1) - (along * inner).sum(1)
+    """What is left of squares of `difference` in each experiment, (count,); windows that would count for more than
+    `MOST` neither do nor pull the coordinates (iteratively reweighted)."""
+    free = linear.off(difference).reshape(count, -1, difference.shape[1])
+    slopes = linear.projected.reshape(*free.shape, -1)
+    weight = np.ones(free.shape[:2])
+    for _ in range(REWEIGHTED):
+        along = np.einsum("nwma,nwm,nw->na", slopes, free, weight)
+        gram = np.einsum("nwma,nwmb,nw->nab", slopes, slopes, weight, optimize=True)
+        step = np.linalg.solve(information + gram, along[..., None])[..., 0]
+        squares = ((free - np.einsum("nwma,na->nwm", slopes, step)) ** 2).sum(2)
+        weight = 1 / np.maximum(squares / MOST, 1.0)
+    return np.minimum(squares, MOST).sum(1) + np.einsum("na,ab,nb->n", step, information, step)

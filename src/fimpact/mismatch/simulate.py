@@ -5,6 +5,7 @@ step for all of them. A secant of that is the sensitivity to anything, through c
 """
 
 import copy
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -84,6 +85,13 @@ def spread(count: int, most: int) -> np.ndarray:
     return ((chosen + chosen * GOLDEN % 1.0) * count / most).astype(int)
 
 
+def threads() -> int:
+    """Threads that simulate: OMP_NUM_THREADS, which Snakemake sets for each of its jobs, or as many as there are cores.
+    What comes out does not depend on it."""
+    given = os.environ.get("OMP_NUM_THREADS", "")
+    return int(given) if given.isdecimal() and int(given) else os.cpu_count() or 1
+
+
 # A trial step that diverges is an infinite cost; MuJoCo would print it and write a log file.
 mujoco.set_mju_user_warning(lambda message: None)
 
@@ -102,11 +110,12 @@ class Simulator:
         self.base.opt.tolerance = min(self.base.opt.tolerance, CONVERGED)
         self.base.opt.iterations = max(self.base.opt.iterations, ITERATIONS)
         self.base.opt.ls_iterations = max(self.base.opt.ls_iterations, ITERATIONS)
-        self.data = mujoco.MjData(self.base)
         self.substeps = max(1, round(recording.period / self.base.opt.timestep))
         self.base.opt.timestep = recording.period / self.substeps
         self.columns = np.array([_sensor_column(self.base, name) for name in recording.channels])
-        self._engine = Rollout(nthread=0)
+        count = threads()
+        self._engine = Rollout(nthread=count if count > 1 else 0)
+        self._data = [mujoco.MjData(self.base) for _ in range(count)]
         self._last: tuple = ()
 
     @cached_property
@@ -164,17 +173,17 @@ class Simulator:
         model, signal = self.model(hypothesis), self._signal(windows, windows.length * self.substeps)
         ctrl = self._commands(hypothesis, windows, signal)[0]
         control = np.concatenate([ctrl, np.zeros((*ctrl.shape[:2], model.nv))], 2)
-        state = self._engine.rollout(model, self.data, self._pack(qpos, qvel), control, control_spec=CONTROL)[0]
+        state = self._engine.rollout(model, self._data, self._pack(qpos, qvel), control, control_spec=CONTROL)[0]
         return state[:, :, 1 : 1 + model.nq], state[:, :, 1 + model.nq : 1 + model.nq + model.nv]
 
     def _rollout(self, model, copies, signal, ctrl, instant, force, qpos, qvel, laws):
         control, start = np.concatenate([ctrl, force], 2), self._pack(qpos, qvel)
-        state, sensed = self._engine.rollout(model, self.data, start, control, control_spec=CONTROL)
+        state, sensed = self._engine.rollout(model, self._data, start, control, control_spec=CONTROL)
         if instant is not None:
             before = np.concatenate([start[:, None], state[:, :-1]], 1)[:, :: self.substeps]
             control[:, :, : model.nu] = instant
             flat = (part.reshape(-1, 1, part.shape[2]) for part in (before, control[:, :: self.substeps]))
-            read = self._engine.rollout(model, self.data, next(flat)[:, 0], next(flat), control_spec=CONTROL)[1]
+            read = self._engine.rollout(model, self._data, next(flat)[:, 0], next(flat), control_spec=CONTROL)[1]
             sensed[:, :: self.substeps] = read.reshape(*before.shape[:2], -1)
         return sensed
 
@@ -203,10 +212,10 @@ class Simulator:
                 own.dof_frictionloss[:] = row
             control = np.concatenate([ctrl[:, k], pull], 1)[:, None]
             sizes = {"nstep": 1, "control_spec": CONTROL, "skip_checks": True}
-            self._engine.rollout(models, [self.data], state, control, state=after, sensordata=sensed[k], **sizes)
+            self._engine.rollout(models, self._data, state, control, state=after, sensordata=sensed[k], **sizes)
             if instant is not None and k % self.substeps == 0:
                 control[:, 0, : model.nu] = instant[:, k]
-                self._engine.rollout(models, [self.data], state, control, sensordata=sensed[k], **sizes)
+                self._engine.rollout(models, self._data, state, control, sensordata=sensed[k], **sizes)
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].transpose(1, 0, 2)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fimpact.mismatch.calibrate import adjusted, background
 from fimpact.mismatch.colour import beside, coloured, disturbance
-from fimpact.mismatch.explain import Explanation, refit
+from fimpact.mismatch.explain import Explanation, corrected, refit
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.pairs import pairs
@@ -28,6 +28,7 @@ PAIRS = 4  # pairs refitted of each ranking, where no single candidate is worth 
 RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
+CLOSE = 1e-6  # weight, relative to the likeliest, above which the error of the time step could change the order
 EVEN = 0.5  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
 
@@ -63,6 +64,14 @@ class Search:
         even = [r for r in weighed if r.weight >= EVEN * weighed[0].weight]
         first = min(even, key=lambda r: order.index(r.placed[-1].effect.name), default=None)
         return sorted(weighed, key=lambda r: r is not first)
+
+    def compared(self, rivals: list[Explanation]) -> list[Explanation]:
+        """`rivals` that could be simulated, ranked, each that comes near the likeliest with numerics of its own."""
+        found = self.ranked([r for r in rivals if np.isfinite(r.deviance)])
+        while rough := [r for r in found if not r.exact and r.weight >= CLOSE * max(f.weight for f in found)]:
+            own = {r.name: corrected(self.bench, r) for r in rough}
+            found = self.ranked([own.get(r.name, r) for r in found])
+        return found
 
 
 def step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS) -> Step:
@@ -107,14 +116,16 @@ def together(search: Search, current: Explanation, alone: Step) -> Step:
     for pair in tried.values():
         search.progress(f"refitting with {' and '.join(c.placed.name for c in pair)}")
         rivals.append(refit(search.bench, current, *pair))
-    return replace(alone, rivals=search.ranked([r for r in rivals if np.isfinite(r.deviance)]))
+    return replace(alone, rivals=search.compared(rivals))
 
 
 def _by_gain(search: Search, fitted: Fit, candidates: list[Candidate]) -> list[Candidate]:
     return sorted(rescore(search.bench.training, fitted, candidates), key=lambda c: -c.gain)
 
 
-def _refitted(search: Search, current: Explanation, rivals: list[Explanation], wanted: list[Candidate]):
+def _refitted(
+    search: Search, current: Explanation, rivals: list[Explanation], wanted: list[Candidate]
+) -> list[Explanation]:
     """`rivals` and those `wanted` that are not among them, ranked."""
     known, new = {r.placed[-1].name for r in rivals}, {}
     for candidate in wanted:
@@ -122,7 +133,7 @@ def _refitted(search: Search, current: Explanation, rivals: list[Explanation], w
     for candidate in (c for n, c in new.items() if n not in known):
         search.progress(f"refitting with {candidate.placed.name}")
         rivals = [*rivals, refit(search.bench, current, candidate)]
-    return search.ranked([r for r in rivals if np.isfinite(r.deviance)])
+    return search.compared(rivals)
 
 
 def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit, list[Candidate]]:

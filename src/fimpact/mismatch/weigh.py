@@ -1,5 +1,6 @@
 """Weigh: how much each explanation is to be believed among its rivals, and which cannot be told from the best."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, exposed
 from fimpact.mismatch.pulses import Pulses
 
+STRAY = 9.0  # squares of a window by which another rival's sensitivities must do better to be taken
 MEMBERS, WORDY = 1 / 50, 1 / 10  # weight, relative to the best, above which an explanation cannot be told from it
 
 
@@ -21,7 +23,7 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
         return []
     pushing = disturbance(min(rivals, key=lambda r: r.deviance).fitted, found)
     shades = colour(found, pushing), colour(held_out, pushing)
-    optima = [generalised(both(bench, r), shades) for r in rivals]
+    optima = [generalised(parts, shades) for parts in steadied([both(bench, r) for r in rivals], shades)]
     squares, prices = np.array([o.total for o in optima]), np.array([price(r) for r in rivals])
     least = int(np.argmin(squares + prices))
     spread = dispersion(rivals[least], optima[least].deviances)
@@ -33,6 +35,29 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
         for r, w, d in zip(rivals, raw / raw.sum(), deviance, strict=True)
     ]
     return sorted(weighted, key=lambda r: r.deviance)
+
+
+def steadied(rivals: Sequence[tuple[Fit, ...]], shades: Sequence[Colour]) -> list[list[Fit]]:
+    """The fits of each rival, with another's sensitivities to initial states in windows where they explain far more.
+
+    A secant across the instant of an impact shows a jump and no slope; which rival meets one is chance, and must not
+    decide between them.
+    """
+    sets = [_steadied(fits, shade) for fits, shade in zip(zip(*rivals, strict=True), shades, strict=True)]
+    return [list(parts) for parts in zip(*sets, strict=True)]
+
+
+def _steadied(fits: Sequence[Fit], shade: Colour) -> list[Fit]:
+    states = np.stack([fit.linear.basis @ fit.linear.triangle for fit in fits])
+    bases, out = [np.linalg.qr(shade.white(own))[0] for own in states], []
+    for i, fit in enumerate(fits):
+        left = shade.white(fit.point.residual[..., None])
+        taken = np.array([((basis.transpose(0, 2, 1) @ left) ** 2).sum((1, 2)) for basis in bases])
+        best = np.where(taken.max(0) > taken[i] + STRAY, taken.argmax(0), i)
+        basis, triangle = np.linalg.qr(states[best, np.arange(len(best))])
+        linear = replace(fit.linear, basis=basis, triangle=triangle)
+        out.append(replace(fit, linear=replace(linear, projected=linear.off(linear.raw))))
+    return out
 
 
 def both(bench: Bench, explanation: Explanation) -> tuple[Fit, Fit]:
@@ -60,13 +85,15 @@ def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
 def explained(found: Pulses, naive: Fit, current: Fit) -> float:
     """Generalised squares by which `current` fits training windows better than `naive`."""
     shade = [colour(found, disturbance(current, found))]
-    return generalised([naive], shade).total - generalised([current], shade).total
+    before, after = (generalised(fits, shade).total for fits in steadied([(naive,), (current,)], shade))
+    return before - after
 
 
-def predicted(bench: Bench, explanation: Explanation, shades: tuple[Colour, Colour]) -> float:
-    """Squares of the held-out windows as predicted from training: what they add to those of training alone."""
-    alone = generalised([explanation.fitted], shades[:1]).total
-    return generalised(both(bench, explanation), shades).total - alone
+def predicted(bench: Bench, explanations: Sequence[Explanation], shades: tuple[Colour, Colour]) -> list[float]:
+    """Squares of the held-out windows as each explanation predicts them from training: what they add to those of
+    training alone."""
+    pairs = steadied([both(bench, e) for e in explanations], shades)
+    return [generalised(fits, shades).total - generalised(fits[:1], shades[:1]).total for fits in pairs]
 
 
 def members(best: Explanation, others: list[Explanation]) -> list[Explanation]:
