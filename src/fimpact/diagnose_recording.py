@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fimpact.cases import inputs, read_case
+from fimpact.experiment import next_experiment
 from fimpact.mismatch.diagnose import Diagnosis, diagnose
 from fimpact.report import describe_inputs, write_report
 
@@ -24,6 +25,9 @@ def diagnose_recording(
         CaseError: the case or its data cannot be used. FileExistsError: `folder` holds files that are no report.
     """
     found = diagnose(read_case(case, data), progress)
+    if len(found.naming.members) > 1:
+        progress("designing the experiment that tells the names apart")
+    experiment = next_experiment(found)
     progress("writing the page")
     files = [Path(case), *inputs(case, data)]
-    return found, write_report(found, folder, provenance=describe_inputs(files))
+    return found, write_report(found, folder, experiment, provenance=describe_inputs(files))

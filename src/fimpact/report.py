@@ -19,17 +19,19 @@ import mujoco
 import numpy as np
 from markupsafe import Markup
 
+from fimpact.experiment import COMMANDS, START, commands, described, write_experiment
 from fimpact.film import draw_film
 from fimpact.mismatch.diagnose import Diagnosis, parameter_rows, to_json
+from fimpact.mismatch.discriminate import Experiment
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.model import ASSETS, CALLBACK, XML, check_model, refusal, write_model
 from fimpact.mismatch.per_run import error_per_run, floor_per_run, unit_of
 from fimpact.mismatch.shape import shapes
-from fimpact.report_figures import inline, pictures, shown_run, store
+from fimpact.report_figures import draw, inline, pictures, shown_run, store
 from fimpact.units import channel_unit
 
 PAGE, DATA, FIGURES, FILM = "report.html", "diagnosis.json", "figures", "motion.gif"
-OURS = {PAGE, DATA, FIGURES, XML, CALLBACK, ASSETS}
+OURS = {PAGE, DATA, FIGURES, XML, CALLBACK, ASSETS, COMMANDS, START}
 DIGITS = 10  # significant, in the JSON: beyond them results are not reproducible
 SHAPES = 3  # of an unnamed force that are told
 PACKAGES = ("fimpact", "mujoco", "numpy", "scipy")
@@ -42,11 +44,15 @@ def describe_inputs(paths: Iterable[Path | str]) -> dict[str, Any]:
     return {"inputs": hashes, "versions": _versions(), "seeds": SEEDS}
 
 
-def write_report(diagnosis: Diagnosis, folder: Path | str, *, provenance: Mapping[str, Any]) -> Path:
-    """Write the page, `diagnosis.json`, the figures and the improved model to `folder`, all or nothing.
+def write_report(
+    diagnosis: Diagnosis, folder: Path | str, experiment: Experiment | None = None, *, provenance: Mapping[str, Any]
+) -> Path:
+    """Write the page, `diagnosis.json`, the figures, the improved model and the next experiment to `folder`, all or
+    nothing.
 
     Args:
         folder: made, or replaced if it holds nothing but an earlier report.
+        experiment: what would tell the answer's members apart, if there are several.
         provenance: groups of named values, such as "inputs" (file -> sha256), "versions" and "seeds".
 
     Returns:
@@ -60,7 +66,7 @@ def write_report(diagnosis: Diagnosis, folder: Path | str, *, provenance: Mappin
     folder.absolute().parent.mkdir(parents=True, exist_ok=True)
     building = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.absolute().parent))
     try:
-        _fill(diagnosis, building, provenance)
+        _fill(diagnosis, building, experiment, provenance)
         building.chmod(0o755)
         _swap(building, folder)
     finally:
@@ -87,13 +93,16 @@ def _swap(building: Path, folder: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _fill(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) -> None:
-    content = contents(diagnosis, folder, provenance)
+def _fill(diagnosis: Diagnosis, folder: Path, experiment: Experiment | None, provenance: Mapping[str, Any]) -> None:
+    content, drawn = contents(diagnosis, folder, provenance), pictures(diagnosis)
+    content["experiment"] = described(diagnosis, experiment) if experiment else None
+    if experiment and content["experiment"]["files"]:
+        write_experiment(diagnosis, experiment, folder)
+        drawn |= {"experiment": draw(commands, diagnosis, experiment)} if experiment.ctrl.shape[1] else {}
     (folder / DATA).write_text(to_text(content), encoding="utf-8")
-    drawn = pictures(diagnosis)
     for name, figure in drawn.items():
         store(figure, folder / FIGURES / name)
-    images = {name: inline(figure, name) for name, figure in drawn.items()}
+    images = {"experiment": ""} | {name: inline(figure, name) for name, figure in drawn.items()}
     images["film"] = _embedded(folder / content["film"]["file"]) if content["film"]["file"] else ""
     for figure in drawn.values():
         plt.close(figure)

@@ -72,8 +72,10 @@ STAGES = {
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
     + "scene stage replay gif examples".split(),
-    "diagnose_recording": [*READ, *LAWS, *NAMING, "mismatch/per_run", "mismatch/shape"]
-    + "looks scene stage gif motion film added_force report_figures report diagnose_recording".split(),
+    "diagnose_recording": [*READ, *LAWS, *NAMING]
+    + [f"mismatch/{name}" for name in "discriminate per_run separate shape".split()]
+    + "tables looks scene stage gif motion film added_force report_figures experiment report".split()
+    + ["diagnose_recording"],
     "compare_recording": [*READ, *OTHERS, *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
     + ["effects/base", "effects/native", "compare_recording"],
     "recordings_summary": ["__init__", "tables", "rig_summary"],

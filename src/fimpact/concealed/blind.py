@@ -15,7 +15,7 @@ import numpy as np
 from fimpact.concealed.archive import cases_in, load_recording
 from fimpact.concealed.rows import DONE, Arrays, Report, each, read_rows, runs_of
 from fimpact.mismatch.diagnose import Diagnosis, diagnose, to_json
-from fimpact.mismatch.discriminate import discriminate, limits
+from fimpact.mismatch.discriminate import discriminate, limits, repeats
 from fimpact.mismatch.model import check_model, write_model
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.weigh import members as told_apart
@@ -75,7 +75,7 @@ def _experiments(diagnosis: Diagnosis) -> tuple[Arrays, dict[str, float]]:
         for way, arrays in parts.items()
         for name, array in zip(("ctrl", "qpos", "qvel"), arrays, strict=True)
     }
-    return commands, {"separation": best.separation, "random": best.random, "repeats": best.repeats}
+    return commands, {"separation": best.separation, "random": best.random, "repeats": repeats(best.separation)}
 
 
 def resolve_case(recording: Recording, row: dict[str, Any], played: dict[str, Run]) -> dict[str, Any]:

@@ -24,17 +24,26 @@ ENOUGH, PATIENCE = 4 * NEEDED, 5  # separation of all pairs, and generations wit
 
 @dataclass(frozen=True)
 class Experiment:
-    """Commands to play: ctrl (T, nu) every period s, from qpos (nq,) and qvel (nv,); separation: least predicted
-    non-centrality between two members; random: the median of that over random experiments of the same limits;
-    repeats: experiments needed for 80 % power at 1 %."""
+    """Commands to play: ctrl (T, nu) every period s, from qpos (nq,) and qvel (nv,); pairs: predicted non-centrality
+    between each two members, in the order of `itertools.combinations`; random: the median of the least of them over
+    random experiments of the same limits."""
 
     ctrl: np.ndarray
     qpos: np.ndarray
     qvel: np.ndarray
     period: float
-    separation: float
+    pairs: np.ndarray
     random: float
-    repeats: int
+
+    @property
+    def separation(self) -> float:
+        """The least of the pairs'."""
+        return float(self.pairs.min())
+
+
+def repeats(separation: float) -> int:
+    """Experiments needed for 80 % power at 1 %."""
+    return int(np.ceil(NEEDED / max(separation, 1e-9)))
 
 
 @dataclass(frozen=True)
@@ -91,9 +100,7 @@ def discriminate(bench: Bench, recording: Recording, members: list[Explanation],
     found = value(pool)
     random, at = float(np.median(found[: POOL // 2].min(1))), np.argmax(worth(found))
     best, pairs = _search(value, allowed, pool[at], found[at], seed)
-    separation = float(pairs.min())
-    repeats = int(np.ceil(NEEDED / max(separation, 1e-9)))
-    return Experiment(*allowed.unpack(best), recording.period, separation, random, repeats)
+    return Experiment(*allowed.unpack(best), recording.period, pairs, random)
 
 
 def worth(pairs: np.ndarray) -> np.ndarray:

@@ -3,7 +3,8 @@
 The non-centrality of k under l is what is left of y_l - y_k when initial states, the clock and the coordinates of k
 have absorbed what they can, each as far as the recordings leave it open, among the disturbance that the recordings
 show and the error of the time step: wild motion magnifies a difference, and with it everything that hides it, so no
-window alone can separate. Shapes stay as they are stated, as `resolve` asks first: a spring may always turn into a constant force.
+window alone can separate. Shapes stay as they are stated, as `resolve` asks first: a spring may always turn into a
+constant force.
 """
 
 from dataclasses import dataclass, replace
