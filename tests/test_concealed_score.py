@@ -20,7 +20,7 @@ from fimpact.concealed.score import COLUMNS, gather, score_case
 from fimpact.concealed.truth import Planted, Truth
 
 ROOT = Path(__file__).parents[1]
-PRESENT = ROOT / "results" / "reference" / "concealed" / "cases-b79c76e.csv"
+PRESENT = ROOT / "results" / "reference" / "concealed-b79c76e" / "cases.csv"
 REFERENCE = ROOT / "results" / "reference" / "concealed" / "cases.csv"
 SETTINGS = {
     "seed": 5,

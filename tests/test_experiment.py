@@ -46,7 +46,7 @@ def test_the_files_hold_commands_and_start_within_what_was_recorded(undecided, d
     told = json.loads((page.parent / "diagnosis.json").read_text(encoding="utf-8"))["experiment"]
     assert told["pairs"][0]["separation"] == pytest.approx(designed.separation, rel=1e-6)
     assert [(p["one"], p["other"]) for p in told["pairs"]] == [("coulomb@pivot", "viscous@pivot")]
-    assert "The experiment that would" in page.read_text(encoding="utf-8")
+    assert "The experiment that would tell them apart" in page.read_text(encoding="utf-8")
     write_report(undecided, tmp_path / "out", designed, provenance={})  # its own files are replaced
 
 

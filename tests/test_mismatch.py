@@ -436,10 +436,11 @@ def test_the_verdict_names_nothing_for_sure_that_held_out_runs_refuse(friction):
 def test_the_verdict_tells_what_has_a_name_beside_what_has_none(friction, monkeypatch):
     monkeypatch.setattr(Naming, "answer", "unnamed")
     said = verdict(friction.naming, friction.recording, friction.location, friction.evidence)
-    assert said.startswith("Something is missing that the catalogue cannot name")
-    assert "Beside it: coulomb at joint_2 (friction 0.00" in said
+    assert said.startswith("Missing: coulomb at joint_2 (friction 0.00")
+    assert "More is missing that the catalogue cannot name: " in said
     refused = replace(friction.evidence, low=-0.01)
-    assert "coulomb" not in verdict(friction.naming, friction.recording, friction.location, refused)
+    said = verdict(friction.naming, friction.recording, friction.location, refused)
+    assert said.startswith("Something is missing that the catalogue cannot name") and "coulomb" not in said
 
 
 def test_an_effect_at_its_bound_does_nothing():

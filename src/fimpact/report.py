@@ -21,7 +21,7 @@ from markupsafe import Markup
 
 from fimpact.experiment import COMMANDS, START, commands, described, write_experiment
 from fimpact.film import draw_film
-from fimpact.mismatch.diagnose import Diagnosis, parameter_rows, to_json
+from fimpact.mismatch.diagnose import Diagnosis, parameter_rows, to_json, words
 from fimpact.mismatch.discriminate import Experiment
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.model import ASSETS, CALLBACK, XML, check_model, refusal, write_model
@@ -256,15 +256,6 @@ def pair(value: float, half: float) -> str:
     digits = max(0, scale - int(np.floor(np.log10(half))) + 1)
     body = f"{value / 10.0**scale:.{digits}f} ± {half / 10.0**scale:.{digits}f}".replace("-", "−")
     return f"({body}){_power(scale)}" if scale else body
-
-
-def words(name: str) -> str:
-    """``coulomb@joint_2`` as a reader says it."""
-    said = []
-    for part in name.split("+"):
-        effect, at, site = part.partition("@")
-        said.append(f"{effect.replace('_', ' ')} at {site}" if at else effect)
-    return " and ".join(said)
 
 
 def _percent(value: float | None, digits: int = 0) -> str:

@@ -36,13 +36,17 @@ def held_out(cases: pd.DataFrame, stem: Path | str) -> None:
         figure, axes = plt.subplots(len(systems), 1, figsize=(WIDTH, 2.3 * len(systems)), squeeze=False)
         for ax, (system, part) in zip(axes[:, 0], systems, strict=True):
             _strips(ax, part)
-            ax.set_title(f"{_words(system)}: {len(part)} cases with an effect; one mark per case, bars at the median")
+            ax.set_title(f"{_words(system)}: {_cases(len(part))} with an effect; one mark per case, bars at the median")
         axes[-1, 0].set_xlabel("held-out error (standard deviations of the noise)")
         write(figure, stem)
 
 
 def _words(system: str) -> str:
     return system.replace("_", " ").capitalize()
+
+
+def _cases(count: int) -> str:
+    return "1 case" if count == 1 else f"{count} cases"
 
 
 def _strips(ax: Axes, part: pd.DataFrame) -> None:
@@ -120,7 +124,7 @@ def _against_size(ax: Axes, planted: pd.DataFrame) -> None:
     for shift, (label, (mask, colour, marker, line)) in zip((0.95, 1.05), groups.items(), strict=True):
         x, counts = _binned(planted[mask], "lambda", EDGES)
         if counts:
-            _whiskers(ax, shift * x, counts, colour, marker, line, label=f"{label} ({int(mask.sum())} cases)")
+            _whiskers(ax, shift * x, counts, colour, marker, line, label=f"{label} ({_cases(int(mask.sum()))})")
     ax.axvline(VISIBLE, color=MUTED, linewidth=0.6, zorder=0)
     ax.set(xscale="log", xlabel="effect size: oracle's non-centrality λ", title="Detection against size")
     set_ticks(ax.xaxis, EDGES.tolist(), lambda value: f"{value:,.0f}")

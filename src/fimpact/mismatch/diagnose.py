@@ -58,15 +58,15 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     if naming.answer == "none":
         return "Nothing is missing that these recordings can show."
     found = "; ".join(in_words(naming, recording, p) for p in naming.best.placed)
+    share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
     if naming.answer == "unnamed":
-        named = f" Beside it: {found}, which explains {evidence.explained:.0%} of the explainable held-out mismatch."
+        where = f"that the catalogue cannot name: {location.sentence}."
         sure = found and evidence.low > 0
-        return f"Something is missing that the catalogue cannot name: {location.sentence}.{named if sure else ''}"
-    others = [m.name for m in naming.members[1:]]
+        return f"Missing: {found}. {share} More is missing {where}" if sure else f"Something is missing {where}"
+    others = [words(m.name) for m in naming.members[1:]]
     unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
     if not evidence.low > 0:
         return f"Something is missing, but the likeliest name does not improve held-out runs: {found}.{unsure}"
-    share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
     more = " Something beside it is missing that the catalogue cannot name." if naming.beside else ""
     return f"Missing: {found}. {share}{unsure}{more}"
 
@@ -80,6 +80,15 @@ def in_words(naming: Naming, recording: Recording, placed) -> str:
         f"{r['name']} {r['after']:.3g} ± {_half((r['high'] - r['low']) / 2)} {r['unit']}".strip() for r in rows
     )
     return f"{placed.effect.name.replace('_', ' ')} at {placed.site} ({values})"
+
+
+def words(name: str) -> str:
+    """``coulomb@joint_2`` as a reader says it."""
+    said = []
+    for part in name.split("+"):
+        effect, at, site = part.partition("@")
+        said.append(f"{effect.replace('_', ' ')} at {site}" if at else effect)
+    return " and ".join(said)
 
 
 def _half(width: float) -> str:
