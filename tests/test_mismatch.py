@@ -24,9 +24,10 @@ from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
-from fimpact.mismatch.simulate import Hypothesis, Simulator, cut
+from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
+from fimpact.mismatch.windows import cut
 
 FRICTION = 0.004  # N m
 

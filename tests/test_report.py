@@ -18,7 +18,7 @@ from fimpact.mismatch.name import Naming
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.step import Step
 from fimpact.report import describe_inputs, pair, short, to_text, words, write_report
-from fimpact.report_figures import timeline
+from fimpact.report_where import timeline
 
 
 def diagnosed(*placed: Placed) -> Diagnosis:

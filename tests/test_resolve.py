@@ -16,8 +16,9 @@ from fimpact.mismatch.judge import base_fit, bench
 from fimpact.mismatch.problem import Linear, coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.separate import MOST, _left, known, separations
-from fimpact.mismatch.simulate import Hypothesis, cut
+from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import members as told_apart
+from fimpact.mismatch.windows import cut
 
 FRICTION = 0.004  # N m
 COULOMB = {"coulomb@joint_2": {"friction": FRICTION}}

@@ -14,7 +14,7 @@ from fimpact import tables
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.discriminate import Experiment, discriminate, repeats
 from fimpact.mismatch.pulses import dof_names
-from fimpact.report_figures import IMPROVED, WIDTH
+from fimpact.report_look import IMPROVED, WIDTH
 
 COMMANDS, START = "experiment.csv", "experiment-start.csv"
 MANY = 20  # repetitions beyond which nobody would play it

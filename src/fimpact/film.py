@@ -14,7 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from fimpact.gif import write_gif
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.motion import configurations, readings_of, scene_of, stretch, undrawable
-from fimpact.report_figures import FAINT, IMPROVED, INK, LOOK, NAIVE, QUIET, shown_run, worst_channels
+from fimpact.report_figures import shown_run, worst_channels
+from fimpact.report_look import FAINT, IMPROVED, INK, LOOK, NAIVE, QUIET
 from fimpact.scene import Scene, outline
 from fimpact.stage import View, common_view, draw_bodies, draw_world, geoms, set_up
 from fimpact.units import channel_unit

@@ -8,8 +8,8 @@ import numpy as np
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.judge import squares
-from fimpact.mismatch.simulate import Windows
 from fimpact.mismatch.starts import place_of
+from fimpact.mismatch.windows import Windows
 from fimpact.scene import Scene, moves, pivots
 
 WINDOWS = 4  # consecutive ones that are shown in one go

@@ -27,7 +27,8 @@ from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.model import ASSETS, CALLBACK, XML, check_model, refusal, write_model
 from fimpact.mismatch.per_run import error_per_run, floor_per_run, unit_of
 from fimpact.mismatch.shape import shapes
-from fimpact.report_figures import draw, inline, pictures, shown_run, store
+from fimpact.report_figures import pictures, shown_run
+from fimpact.report_look import draw, inline, store
 from fimpact.units import channel_unit
 
 PAGE, DATA, FIGURES, FILM = "report.html", "diagnosis.json", "figures", "motion.gif"

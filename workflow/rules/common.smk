@@ -35,7 +35,7 @@ MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout i
 EFFECTS = (
     "__init__ actuation amounts base contact drives environment friction native sensing sites structure transmission"
 )
-CORE = "__init__ colour evidence explain fit judge player problem pulses scales score simulate starts".split()
+CORE = "__init__ colour evidence explain fit judge player problem pulses scales score simulate starts windows".split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
@@ -74,8 +74,8 @@ STAGES = {
     + "scene stage replay gif examples".split(),
     "diagnose_recording": [*READ, *LAWS, *NAMING]
     + [f"mismatch/{name}" for name in "discriminate per_run separate shape".split()]
-    + "tables looks scene stage gif motion film added_force report_figures experiment report".split()
-    + ["diagnose_recording"],
+    + "tables looks scene stage gif motion film added_force report_figures report_look report_where".split()
+    + "experiment report diagnose_recording".split(),
     "compare_recording": [*READ, *OTHERS, *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
     + ["effects/base", "effects/native", "compare_recording"],
     "recordings_summary": ["__init__", "tables", "rig_summary"],

@@ -11,7 +11,8 @@ import numpy as np
 
 from fimpact.effects.base import Effect, Placed, State
 from fimpact.mismatch.locate import Location
-from fimpact.mismatch.simulate import Simulator, Windows
+from fimpact.mismatch.simulate import Simulator
+from fimpact.mismatch.windows import Windows
 
 FEATURES = 200
 WIDTHS = (1.0, 2.0, 4.0)  # of the kernel, in standard deviations of the inputs

@@ -10,8 +10,9 @@ import numpy as np
 
 from fimpact.mismatch.fit import Fit, first_point, fit, relinearised, restarted
 from fimpact.mismatch.problem import NOTHING, Coordinates, Linear, Point, Problem
-from fimpact.mismatch.simulate import Hypothesis, Simulator, cut
+from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level, start_states
+from fimpact.mismatch.windows import cut
 from fimpact.recordings import Recording
 
 ROUNDS = 4  # of numerics and fit in turn, at most

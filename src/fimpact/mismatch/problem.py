@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Placed
-from fimpact.mismatch.simulate import Hypothesis, Simulator, Windows
+from fimpact.mismatch.simulate import Hypothesis, Simulator
+from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS
 
 if TYPE_CHECKING:

@@ -19,7 +19,8 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import NOTHING, Linear, Point, Problem
 from fimpact.mismatch.pulses import pulses
-from fimpact.mismatch.simulate import Hypothesis, Windows
+from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.windows import Windows
 
 MOST = 9.0  # non-centrality that one window may be counted for
 

@@ -3,7 +3,8 @@
 import mujoco
 import numpy as np
 
-from fimpact.mismatch.simulate import Simulator, Windows
+from fimpact.mismatch.simulate import Simulator
+from fimpact.mismatch.windows import Windows
 from fimpact.recordings import Recording
 
 WIDTHS = (41, 31, 21, 15, 11, 7, 5)  # samples in the local fit of position and speed, widest first
