@@ -14,7 +14,7 @@ from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.colour import beside, colour, disturbance, generalised
 from fimpact.mismatch.diagnose import diagnose, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
-from fimpact.mismatch.explain import explain, price, refit, seen
+from fimpact.mismatch.explain import explain, price, refit, seen, sizes_of
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
 from fimpact.mismatch.locate import _modes
@@ -333,6 +333,29 @@ def test_what_changes_nothing_costs_nothing(nothing):
     explained = refit(bench, current, found[0])
     assert list(seen(explained)) == [True, True, False]
     assert price(explained) == pytest.approx(2 * np.log(sum(samples_in(part) for part in explained.parts)))
+
+
+def test_what_a_probe_leaves_at_zero_can_be_moved(nothing):
+    values = {"stiffness": 0.1, "anchor_x": -0.6, "anchor_y": 0.0, "anchor_z": 0.0}
+    cable = Placed(EFFECTS["cable_pull"], "link_2", values)
+    assert sizes_of(cable) == {"stiffness": 0.1, "anchor_x": 0.6, "anchor_y": 0.6, "anchor_z": 0.6}
+    ripple = Placed(EFFECTS["torque_ripple"], "joint_2", {"sine": 0.01, "cosine": 0.0, "cycles": 2.0})
+    (found,) = screen(nothing.bench.training, nothing.naming.naive.fitted, [ripple])
+    assert refit(nothing.bench, nothing.naming.naive, found).placed[0].values["cosine"] != 0.0
+
+
+def test_what_no_probe_moves_is_held(nothing):
+    """Of a planar arm, a tilt about gravity's own axis and an anchor out of its plane are nothing to fit."""
+    bench, naive = nothing.bench, nothing.naming.naive
+    found = {
+        p.effect.name: p for p in proposals(few("cable_pull", "torque_ripple"), bench.training, scales_of(nothing))
+    }
+    assert len(found["cable_pull"].held) == 1 and found["cable_pull"].held[0].startswith("anchor")
+    assert found["torque_ripple"].held == ()
+    (candidate,) = screen(bench.training, naive.fitted, [found["cable_pull"]])
+    explained = refit(bench, naive, candidate)
+    assert found["cable_pull"].held[0] not in [name for _, name in explained.fitted.coordinates.values]
+    assert seen(explained).sum() == 3
 
 
 def moved(explanation, *placed):

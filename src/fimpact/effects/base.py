@@ -156,11 +156,13 @@ class Effect:
 
 @dataclass(frozen=True)
 class Placed:
-    """An effect at a site with values: a hypothesis about what is missing."""
+    """An effect at a site with values: a hypothesis about what is missing. held: names of values that are not fitted,
+    as a turn about an axis that changes nothing to first order."""
 
     effect: Effect
     site: str
     values: dict[str, float]
+    held: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

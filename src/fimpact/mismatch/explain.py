@@ -65,15 +65,17 @@ def schwarz(explanation: Explanation) -> float:
 
 def seen(explanation: Explanation) -> np.ndarray:
     """Whether each coefficient of the effects, (c,), changes anything, compared with others of its effect and unit;
-    what is not fitted counts as seen."""
+    what is not fitted counts as seen, unless no probe moves it."""
     fitted = explanation.fitted
     sizes = np.sqrt((fitted.linear.projected**2).sum((0, 1)))[fitted.coordinates.unknowns :]
     size = dict(zip(fitted.coordinates.values, sizes, strict=True))
-    coefficients = [(i, c) for i, p in enumerate(explanation.placed) for c in p.effect.coefficients]
+    placed = explanation.placed
+    coefficients = [(i, c) for i, p in enumerate(placed) for c in p.effect.coefficients]
     largest = {}
     for i, c in coefficients:
         largest[i, c.unit] = max(size.get((i, c.name), 0.0), largest.get((i, c.unit), 0.0))
-    return np.array([size.get((i, c.name), np.inf) > UNSEEN * largest[i, c.unit] for i, c in coefficients], bool)
+    shown = [size.get((i, c.name), np.inf) > UNSEEN * largest[i, c.unit] for i, c in coefficients]
+    return np.array([s and c.name not in placed[i].held for s, (i, c) in zip(shown, coefficients, strict=True)], bool)
 
 
 def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:
@@ -113,8 +115,12 @@ def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Exp
 
 
 def sizes_of(placed: Placed) -> dict[str, float]:
-    """A typical size of each value of a placed effect."""
-    return {name: abs(value) or 1e-6 for name, value in placed.values.items()}
+    """A typical size of each value of a placed effect: the largest of its unit, or what happens to be zero, as an axis
+    that the probe did not turn about, could never be moved."""
+    unit, largest = {c.name: c.unit for c in placed.effect.coefficients}, {}
+    for name, value in placed.values.items():
+        largest[unit[name]] = max(abs(value), largest.get(unit[name], 0.0))
+    return {name: largest[unit[name]] or 1e-6 for name in placed.values}
 
 
 def shapes_of(placed: Sequence[Placed]) -> list[tuple[int, str]]:

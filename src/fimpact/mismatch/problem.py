@@ -199,7 +199,7 @@ def coordinates(simulator: Simulator, placed: tuple[Placed, ...] = (), scales: t
     low = np.where(positive, 1e-3 * unit * (nominal != 0), -np.inf)
     names, lows, highs, sizes = [], [], [], []
     for i, (hypothesis, scale) in enumerate(zip(placed, scales, strict=True)):
-        for coefficient in hypothesis.effect.coefficients:
+        for coefficient in (c for c in hypothesis.effect.coefficients if c.name not in hypothesis.held):
             names.append((i, coefficient.name))
             lows.append(coefficient.low)
             highs.append(coefficient.high)

@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.effects import get_effect
-from fimpact.effects.base import Placed
+from fimpact.effects.base import Placed, Scales
 from fimpact.mismatch.explain import SHAPE, Explanation, explain, schwarz, shapes_of, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
-from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.problem import Problem, coordinates
 from fimpact.mismatch.pulses import pulses
+from fimpact.mismatch.scales import scales
+from fimpact.mismatch.score import proposals
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
@@ -38,7 +40,8 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
             break
         added = _left_out(made, added, lost)
     found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
-    stated = [_refitted(made, naive, member, held=True) for member in members if shapes_of(_placed(member))]
+    shaped = [member for member, rival in zip(members, rivals, strict=True) if shapes_of(rival.placed)]
+    stated = [_refitted(made, naive, member, held=True) for member in shaped]
     return _priced(weigh(made, *found, rivals + stated))
 
 
@@ -58,7 +61,7 @@ def _priced(ranked: list[Explanation]) -> list[Explanation]:
 
 def _cost(rival: Explanation) -> float:
     """Deviance in units of its dispersion, and the price of shapes that the data moved."""
-    free = len(rival.fitted.coordinates.values) == sum(len(p.effect.coefficients) for p in rival.placed)
+    free = len(rival.fitted.coordinates.values) == sum(len(p.effect.coefficients) - len(p.held) for p in rival.placed)
     moved = len(shapes_of(rival.placed)) * free * (schwarz(rival) - SHAPE)
     return rival.deviance / rival.dispersion + moved
 
@@ -82,7 +85,8 @@ def _left_out(made: Bench, added: list[Run], lost: np.ndarray) -> list[Run]:
 
 def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -> Explanation:
     """`member` fitted; held: its shapes stay as they are stated."""
-    placed, problem, point = _placed(member), made.training, naive[0].point
+    problem, point = made.training, naive[0].point
+    placed = _placed(member, problem, scales(problem, point))
     free = coordinates(problem.simulator, placed, tuple(map(sizes_of, placed)))
     free = free.without(shapes_of(placed)) if held else free
     start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
@@ -92,5 +96,11 @@ def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -
     return explain(fitted, settle(made.held_out, fitted.point.hypothesis, naive[1].point))
 
 
-def _placed(member: dict[str, dict]) -> tuple[Placed, ...]:
-    return tuple(Placed(get_effect(n.split("@")[0]), n.split("@", 1)[1], dict(v)) for n, v in member.items())
+def _placed(member: dict[str, dict], problem: Problem, sizes: Scales) -> tuple[Placed, ...]:
+    placed = []
+    for name, values in member.items():
+        effect, _, site = name.partition("@")
+        known = proposals([get_effect(effect)], problem, sizes)
+        held = next((p.held for p in known if p.site == site), ())
+        placed.append(Placed(get_effect(effect), site, dict(values), held))
+    return tuple(placed)
