@@ -347,9 +347,8 @@ def test_what_a_probe_leaves_at_zero_can_be_moved(nothing):
 def test_what_no_probe_moves_is_held(nothing):
     """Of a planar arm, a tilt about gravity's own axis and an anchor out of its plane are nothing to fit."""
     bench, naive = nothing.bench, nothing.naming.naive
-    found = {
-        p.effect.name: p for p in proposals(few("cable_pull", "torque_ripple"), bench.training, scales_of(nothing))
-    }
+    tried = proposals(few("cable_pull", "torque_ripple"), bench.training, scales(bench.training, naive.fitted.point))
+    found = {p.effect.name: p for p in tried}
     assert len(found["cable_pull"].held) == 1 and found["cable_pull"].held[0].startswith("anchor")
     assert found["torque_ripple"].held == ()
     (candidate,) = screen(bench.training, naive.fitted, [found["cable_pull"]])
