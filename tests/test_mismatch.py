@@ -350,7 +350,7 @@ def test_what_no_probe_moves_is_held(nothing):
     tried = proposals(few("cable_pull", "torque_ripple"), bench.training, scales(bench.training, naive.fitted.point))
     found = {p.effect.name: p for p in tried}
     assert len(found["cable_pull"].held) == 1 and found["cable_pull"].held[0].startswith("anchor")
-    assert found["torque_ripple"].held == ()
+    assert found["torque_ripple"].held == []
     (candidate,) = screen(bench.training, naive.fitted, [found["cable_pull"]])
     explained = refit(bench, naive, candidate)
     assert found["cable_pull"].held[0] not in [name for _, name in explained.fitted.coordinates.values]
@@ -402,6 +402,7 @@ def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(mon
     stub("_reconsider", lambda *_: [explained(next(left))])
     stub("explained", lambda *_: 0.0)
     stub("_worthwhile", lambda *_: True)
+    stub("_beats", lambda *_: True)
     stub("numerics", lambda _, explanation: explanation)
     stub("sharpened", lambda _, __, explanation: explanation)
     stub("idle", lambda _: False)

@@ -8,7 +8,7 @@ from planted import record
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch.colour import bounded
+from fimpact.mismatch.bounded import bounded
 from fimpact.mismatch.discriminate import ENOUGH, PATIENCE, Limits, _search, limits, worth
 from fimpact.mismatch.explain import explain, sizes_of
 from fimpact.mismatch.fit import fit

@@ -156,13 +156,18 @@ class Effect:
 
 @dataclass(frozen=True)
 class Placed:
-    """An effect at a site with values: a hypothesis about what is missing. held: names of values that are not fitted,
-    as a turn about an axis that changes nothing to first order."""
+    """An effect at a site with values: a hypothesis about what is missing. sizes: the largest size of each value in the
+    effect's probes at the site, empty where nobody asked."""
 
     effect: Effect
     site: str
     values: dict[str, float]
-    held: tuple[str, ...] = ()
+    sizes: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def held(self) -> list[str]:
+        """Values that no probe moves, and no fit: an anchor out of the plane of a planar mechanism, say."""
+        return [name for name, size in self.sizes.items() if size == 0]
 
     @property
     def name(self) -> str:

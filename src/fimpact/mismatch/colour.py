@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import minimize
 
+from fimpact.mismatch.bounded import bounded
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Linear
 from fimpact.mismatch.pulses import BINS, Pulses
@@ -150,17 +151,19 @@ def coloured(fitted: Fit, found: Pulses, pushing: Disturbance | None = None) -> 
 @dataclass(frozen=True)
 class Generalised:
     """The generalised least-squares optimum one linear step away: squares and samples of each window, (w,) for each set
-    of windows, and the step and the covariance of the coordinates, (k,) and (k, k)."""
+    of windows, the step and the covariance of the coordinates, (k,) and (k, k), and how far it bends what was known of
+    coordinates and clocks before, in squares."""
 
     squares: list[np.ndarray]
     samples: list[np.ndarray]
     step: np.ndarray
     covariance: np.ndarray
+    bent: float
 
     @property
     def total(self) -> float:
-        """All deviances."""
-        return float(sum(part.sum() for part in self.deviances))
+        """All deviances, and the prior's."""
+        return float(sum(part.sum() for part in self.deviances)) + self.bent
 
     @property
     def deviances(self) -> list[np.ndarray]:
@@ -202,27 +205,8 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
         weights = [1 / np.maximum(own / n, 1.0) for own, n in zip(squares, samples, strict=True)]
     scaled = hessian * np.outer(scale, scale)
     inverse = np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)
-    return Generalised(squares, samples, step[:k], inverse[:k, :k])
-
-
-def bounded(hessian: np.ndarray, slope: np.ndarray, scale: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The step, (k,), that maximises slope @ step - step @ hessian @ step / 2 between `low` <= 0 and `high` >= 0.
-
-    What would leave its bounds stops there and the others, which may have counted on it, are asked again: of a spring
-    that is far softer than its tangent says, a stiffness cut at zero alone would leave the rest position astray.
-    """
-    held, step = ((low >= 0) & (slope < 0)) | ((high <= 0) & (slope > 0)), np.zeros(len(slope))
-    for _ in range(len(slope)):
-        free = scale * ~held
-        pull = (slope - hessian @ np.where(held, step, 0.0)) * free
-        moved = free * np.linalg.lstsq(hessian * np.outer(free, free), pull, rcond=1e-12)[0]
-        step = np.where(held, step, moved)
-        out = (step < low) | (step > high)
-        step = np.clip(step, low, high)
-        if not out.any():
-            break
-        held |= out
-    return step
+    bent = (((z + step - np.append(free.mean, 0 * clock)) / prior) ** 2).sum()
+    return Generalised(squares, samples, step[:k], inverse[:k, :k], float(bent))
 
 
 def _weighted(projected: np.ndarray, left: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -46,9 +46,10 @@ class Explanation:
 
 
 def explain(fitted: Fit, judged: Fit) -> Explanation:
-    """An explanation with its deviance: squares of training and held-out windows, and its price."""
-    found = Explanation(fitted.point.hypothesis.placed, fitted, judged, 0.0)
-    return replace(found, deviance=float(squares(fitted).sum() + squares(judged).sum() + price(found)))
+    """An explanation with its deviance: squares of training and held-out windows, the prior's, and its price."""
+    found, free = Explanation(fitted.point.hypothesis.placed, fitted, judged, 0.0), fitted.coordinates
+    bent = (((free.read(fitted.point.hypothesis) - free.mean) / free.sd) ** 2).sum()
+    return replace(found, deviance=float(squares(fitted).sum() + squares(judged).sum() + bent + price(found)))
 
 
 def price(explanation: Explanation) -> float:
@@ -115,17 +116,19 @@ def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Exp
 
 
 def sizes_of(placed: Placed) -> dict[str, float]:
-    """A typical size of each value of a placed effect: the largest of its unit, or what happens to be zero, as an axis
-    that the probe did not turn about, could never be moved."""
+    """A typical size of each value of a placed effect: the largest of its unit, in its probes or now, or what happens
+    to be zero, as an axis that a probe did not turn about, could never be moved."""
     unit, largest = {c.name: c.unit for c in placed.effect.coefficients}, {}
     for name, value in placed.values.items():
-        largest[unit[name]] = max(abs(value), largest.get(unit[name], 0.0))
+        size = max(abs(value), placed.sizes.get(name, 0.0))
+        largest[unit[name]] = max(size, largest.get(unit[name], 0.0))
     return {name: largest[unit[name]] or 1e-6 for name in placed.values}
 
 
 def shapes_of(placed: Sequence[Placed]) -> list[tuple[int, str]]:
-    """Values without a meaning where the amplitude is zero: (index of the placed effect, name) each."""
-    return [(i, c.name) for i, p in enumerate(placed) for c in p.effect.coefficients if c.shape]
+    """Values without a meaning where the amplitude is zero, and fitted: (index of the placed effect, name) each."""
+    shapes = [(i, c.name) for i, p in enumerate(placed) for c in p.effect.coefficients if c.shape]
+    return [(i, name) for i, name in shapes if name not in placed[i].held]
 
 
 def numerics(bench: Bench, best: Explanation) -> Explanation:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fimpact.mismatch.bounded import bounded
 from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem, shift
 from fimpact.mismatch.simulate import Hypothesis, can_touch
 
@@ -16,7 +17,7 @@ SETTLED, RELATIVE = 0.05, 2e-6  # log-likelihood, or share of the cost: less pre
 ROUGH = 2e-4  # the same as a share of what is beyond noise, which other things than parameters make
 THOUSANDTH = 1e-3
 UNSEEN = 1e-6  # squared sensitivity to a coordinate's whole scale below which it is left where it is
-DAMPING = (1e-4, 1e6)
+DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
 SHRINK = 5.0  # by which a positive parameter may shrink in one step
 STUCK = 3.0  # times the median of the windows' squares
 FAR, LEAPS = 0.3, 12  # of a coordinate or its scale: the first long step; how many are tried
@@ -78,17 +79,17 @@ def fit(
 
 
 def _descended(problem, coordinates, start, iterations, linear, patience, refresh) -> Fit:
-    point, damping, converged = start if linear else settled(problem, coordinates, start), DAMPING[0], False
+    point, damping, converged = start if linear else settled(problem, coordinates, start), FIRST, False
     linear, age = linear or problem.linearise(point, coordinates), 0
     for _ in range(iterations):
         z_step, x_step, gain = _step(point, linear, coordinates, damping)
         if gain < 0.0:  # a bound cut the step short
-            damping *= 30
+            damping = max(30 * damping, FAILED)
             continue
         little = negligible(point)
         if gain < little:
             if age == 0 or not refresh:
-                converged = True
+                converged = damping <= FULL  # a step that is kept short promises little wherever it is
                 break
             linear, age = problem.linearise(point, coordinates), 0
             continue
@@ -110,7 +111,7 @@ def _descended(problem, coordinates, start, iterations, linear, patience, refres
         elif age > 0:
             linear, age = problem.linearise(point, coordinates), 0
         else:
-            damping *= 30
+            damping = max(30 * damping, FAILED)
         if converged or stalled or damping > DAMPING[1]:
             break
     if age > 0 and refresh:
@@ -143,7 +144,7 @@ def _made(point: Point, linear: Linear, coordinates: Coordinates, converged: boo
 def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations: int = 6) -> Point:
     """The initial states alone, each window with a damping of its own: a window that meets a contact must not hold
     back those that do not. A window with no more to gain than a thousandth of its cost is done."""
-    going, damping = np.arange(len(point.qpos)), np.full(len(point.qpos), DAMPING[0])
+    going, damping = np.arange(len(point.qpos)), np.full(len(point.qpos), FIRST)
     states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
     for _ in range(iterations):
         part, own = problem.part(going), replace(point, **{name: rows[going] for name, rows in states.items()})
@@ -156,7 +157,7 @@ def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations
         better = (trial.residual**2).sum(1) < before
         for name, rows in states.items():
             rows[going[better]] = getattr(trial, name)[better]
-        damping[going] = np.where(better, damping[going] / 10, np.minimum(damping[going] * 30, DAMPING[1]))
+        damping[going] = np.where(better, damping[going] / 10, np.clip(damping[going] * 30, FAILED, DAMPING[1]))
         going = going[moving]
     return problem.evaluate(point.hypothesis, states["qpos"], states["qvel"], coordinates)
 
@@ -213,18 +214,12 @@ def _step(point: Point, linear: Linear, coordinates: Coordinates, damping: float
     left = linear.off(point.residual)
     slope = np.einsum("wma,wm->a", linear.projected, left) - (z - coordinates.mean) / coordinates.sd**2
     hessian, scale = precision_of(linear, coordinates), coordinates.scale
-    # What lies on a bound and is pushed outwards stays there, and so does what the data do not show.
-    free = ~(((z <= coordinates.low) & (slope < 0)) | ((z >= coordinates.high) & (slope > 0)))
-    free &= np.diag(hessian) * scale**2 > UNSEEN
-    scaled = (hessian * np.outer(scale, scale))[np.ix_(free, free)]
-    step = np.zeros(len(z))
-    if free.any():
-        loaded = scaled + damping * np.diag(np.maximum(np.diag(scaled), 1e-12))
-        step[free] = np.linalg.lstsq(loaded, (slope * scale)[free], rcond=1e-14)[0]
-    step = step * scale
+    # What the data do not show stays where it is.
+    scale = scale * (np.diag(hessian) * scale**2 > UNSEEN)
     # A mass that the tangent takes below zero is small, and how small the next tangent knows better.
     low = np.where(coordinates.low > 0, np.maximum(coordinates.low, z / SHRINK), coordinates.low)
-    inside = np.clip(z + step, low, coordinates.high) - z
+    loaded = hessian + damping * np.diag(np.diag(hessian))
+    inside = bounded(loaded, slope, scale, low - z, coordinates.high - z)
     target = np.einsum("wmx,wm->wx", linear.basis, point.residual - linear.raw @ inside)
     x_step = np.linalg.solve(linear.triangle, target[..., None])[..., 0]
     ahead = np.einsum("wmx,wm->wx", linear.basis, point.residual)

@@ -107,7 +107,7 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
 def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, list[Explanation]]:
     """Add the best effect and ask again, for as long as that is worthwhile and new: every round, the explanation they
     end with, and its rivals."""
-    best, rivals, steps, known = naive, [], [], set()
+    best, rivals, steps, known = naive, [], [], {naive.name}
     while len(best.placed) < LARGEST:
         steps.append(step(search, best, TRACE * explained(search.pulses, naive.fitted, best.fitted)))
         found = _further(search, naive, best, steps[-1], known)
@@ -118,7 +118,7 @@ def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, 
         if not found:
             break
         best, rivals = found
-        known |= {r.name for r in rivals}
+        known.add(best.name)
     return steps, best, rivals[1:]
 
 
@@ -133,14 +133,21 @@ def _further(search: Search, naive: Explanation, best: Explanation, last: Step, 
             return None
         # A surrogate that promised more, and does not keep it, gives the place back.
         for asked in [_reconsider(search, ranked), ranked] if len(ranked[0].placed) > 1 else [ranked]:
-            if asked[0].name in known:
-                return None  # it was weighed before: from here on names would take turns for ever
+            if asked[0].name in known or not _beats(search, asked[0], best):
+                return None  # it was the best before: from here on names would take turns for ever
             found = sharpened(search.bench, search.pulses, numerics(search.bench, asked[0]))
             if not idle(found) and kept(best, found):
                 return found, asked
             for problem, offset in zip(problems, offsets, strict=True):
                 problem.offset = offset
     return None
+
+
+def _beats(search: Search, found: Explanation, best: Explanation) -> bool:
+    """Whether an explanation that adds nothing to `best`, but came to stand in its place, is the likelier."""
+    if len(found.placed) > len(best.placed):
+        return True
+    return weigh(search.bench, search.pulses, search.held_out, [found, best])[0].name == found.name
 
 
 def kept(before: Explanation, after: Explanation) -> bool:
@@ -163,9 +170,12 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
     bench = search.bench
     for leaving in rivals[0].placed:
         rest = tuple(p for p in rivals[0].placed if p.name != leaving.name)
+        if len(rest) == len(rivals[0].placed):
+            continue  # another leads by now, which does without it
         reduced = without(bench, rivals[0], rest)
         if weigh(bench, search.pulses, search.held_out, [reduced, rivals[0]])[0].placed == reduced.placed:
-            return [replace(reduced, weight=1.0)]
+            beside = step(search, without(bench, reduced, rest[:-1]), refits=SWAPS).rivals
+            return search.ranked([reduced, *(r for r in beside if r.name != reduced.name)])
         found = step(search, reduced, refits=SWAPS).rivals
         known = {r.name for r in rivals}
         rivals = search.ranked(rivals + [r for r in found if r.name not in known])

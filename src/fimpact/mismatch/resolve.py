@@ -101,6 +101,6 @@ def _placed(member: dict[str, dict], problem: Problem, sizes: Scales) -> tuple[P
     for name, values in member.items():
         effect, _, site = name.partition("@")
         known = proposals([get_effect(effect)], problem, sizes)
-        held = next((p.held for p in known if p.site == site), ())
-        placed.append(Placed(get_effect(effect), site, dict(values), held))
+        sizes = next((p.sizes for p in known if p.site == site), {})
+        placed.append(Placed(get_effect(effect), site, dict(values), sizes))
     return tuple(placed)

@@ -75,13 +75,9 @@ def proposals(effects: Sequence[Effect], problem: Problem, scales: Scales, known
     for effect in effects:
         for site in effect.sites(model, channels):
             placed = [Placed(effect, site, values) for values in effect.probes(scales, model, site)]
-            found += [replace(p, held=unmoved(placed)) for p in placed if p.name not in known]
+            sizes = {c.name: max((abs(p.values[c.name]) for p in placed), default=0.0) for c in effect.coefficients}
+            found += [replace(p, sizes=sizes) for p in placed if p.name not in known]
     return found
-
-
-def unmoved(probes: Sequence[Placed]) -> tuple[str, ...]:
-    """Names of the values that all of an effect's probes leave at zero: it acts at its site without them."""
-    return tuple(name for name in (probes[0].values if probes else ()) if all(p.values[name] == 0 for p in probes))
 
 
 def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed], progress: Callable | None = None) -> list[Candidate]:

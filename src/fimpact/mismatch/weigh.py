@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.mismatch.colour import FEW, Colour, colour, disturbance, generalised
-from fimpact.mismatch.explain import Explanation, price
+from fimpact.mismatch.explain import Explanation, explain, price
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, exposed
 from fimpact.mismatch.pulses import Pulses
@@ -17,17 +17,19 @@ MEMBERS, WORDY = 1 / 50, 1 / 10  # weight, relative to the best, above which an 
 
 def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
     """Rivals in falling order of weight, exp(-deviance / 2) with overdispersion, all under the disturbance that the
-    likeliest of them leaves: generalised squares of all windows together and log(samples) for each coefficient of an
-    effect. Held-out windows are predicted as uncertain as the parameters are, by refitting both sets together."""
+    likeliest of them leaves: generalised squares of all windows together, log(samples) for each coefficient of an
+    effect, and what was known before. Held-out windows are predicted as uncertain as the parameters are, by refitting
+    both sets together."""
     if not rivals:
         return []
-    pushing = disturbance(min(rivals, key=lambda r: r.deviance).fitted, found)
+    pushing = disturbance(min(rivals, key=lambda r: explain(*r.parts).deviance).fitted, found)
     shades = colour(found, pushing), colour(held_out, pushing)
     optima = [generalised(parts, shades) for parts in steadied([both(bench, r) for r in rivals], shades)]
-    squares, prices = np.array([o.total for o in optima]), np.array([price(r) for r in rivals])
+    prices = np.array([price(r) + o.bent for r, o in zip(rivals, optima, strict=True)])
+    squares = np.array([o.total - o.bent for o in optima])
     least = int(np.argmin(squares + prices))
     spread = dispersion(rivals[least], optima[least].deviances)
-    # What the data say is divided by their dispersion, a price is not (Burnham & Anderson's quasi-likelihood).
+    # What data say is divided by their dispersion, prices and priors are not (quasi-likelihood, Burnham & Anderson).
     deviance = squares + prices * spread
     raw = np.exp(-(deviance - deviance.min()) / 2 / spread)
     weighted = [
