@@ -335,6 +335,24 @@ def test_what_changes_nothing_costs_nothing(nothing):
     assert price(explained) == pytest.approx(2 * np.log(sum(samples_in(part) for part in explained.parts)))
 
 
+def test_a_linear_effect_is_tried_at_a_small_share_of_its_probe(nothing, monkeypatch):
+    """A payload of ordinary size brings a contact forward: what one window then shows drowns the others."""
+    dry = Placed(EFFECTS["coulomb"], "joint_2", {"friction": 1.0})
+    limited = Placed(EFFECTS["saturation"], "motor_1", {"limit": 0.01})
+    naive, problem, tried = nothing.naming.naive, nothing.bench.training, []
+    bare, slight = moved(naive), moved(naive, replace(dry, values={"friction": 0.01}))
+    change, predict = problem.predict(*slight) - problem.predict(*bare), problem.predict
+
+    def watched(hypothesis, *states):
+        tried.extend(p.values for p in hypothesis.placed)
+        return predict(hypothesis, *states)
+
+    monkeypatch.setattr(problem, "predict", watched)
+    found = screen(problem, naive.fitted, [dry, limited])
+    assert tried == [{"friction": 0.01}, {"limit": 0.01}]
+    assert np.linalg.norm(found[0].change) == pytest.approx(100 * np.linalg.norm(change), rel=1e-6)
+
+
 def test_what_a_probe_leaves_at_zero_can_be_moved(nothing):
     values = {"stiffness": 0.1, "anchor_x": -0.6, "anchor_y": 0.0, "anchor_z": 0.0}
     cable = Placed(EFFECTS["cable_pull"], "link_2", values)

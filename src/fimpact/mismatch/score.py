@@ -15,7 +15,7 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis
 
-DEEP, SMALLER = 0.98, 1e-2  # concealment beyond which a probe is repeated at this share of its size
+SMALL = 1e-2  # share of its probe at which a linear effect is tried: in contact no tangent holds for all of it
 INVISIBLE = 1e-3  # standard deviations: a probe that shows less, all samples together, is not a candidate
 
 
@@ -92,13 +92,9 @@ def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed], progress: Cal
 
     found = []
     for placed in tried:
-        change = tangent(placed, 1.0)
+        change = tangent(placed, SMALL if placed.effect.linear else 1.0)
         if np.isfinite(change).all():
-            candidate = score(problem, fitted, placed, change)
-            if placed.effect.linear and candidate.concealment > DEEP:
-                # So little is left that what is nonlinear in a probe of ordinary size would outweigh it.
-                candidate = score(problem, fitted, placed, tangent(placed, SMALLER))
-            found.append(candidate)
+            found.append(score(problem, fitted, placed, change))
         if progress:
             progress(placed)
     return [candidate for candidate in found if candidate.information > INVISIBLE**2]
