@@ -44,7 +44,8 @@ CASE = "__init__ arrays case channels checks errors kinds load model physics rea
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
 NAMING = [
-    f"mismatch/{name}" for name in "calibrate callback diagnose locate model name nameless pairs step weigh".split()
+    f"mismatch/{name}"
+    for name in "calibrate callback diagnose locate merge model name nameless pairs step weigh".split()
 ]
 OTHERS = ["knobs", "peers", "mismatch/blackbox", "mismatch/locate"]
 STAGES = {

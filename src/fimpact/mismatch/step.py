@@ -14,6 +14,7 @@ from fimpact.mismatch.colour import beside, coloured, disturbance
 from fimpact.mismatch.explain import Explanation, corrected, refit
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench
+from fimpact.mismatch.merge import merged
 from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
@@ -90,7 +91,8 @@ def step(search: Search, current: Explanation, least: float = 0.0, refits: int =
     if found.least > (FURTHER if current.placed else ALARM) or screened[0].gain < least:
         return found
     most = refits if len(bench.training.windows.runs) > EASY else MORE
-    return replace(found, rivals=_rivals(search, current, screened, most))
+    mixed = merged(bench.training, fitted, screened)
+    return replace(found, rivals=_rivals(search, current, sorted([*screened, *mixed], key=lambda c: -c.gain), most))
 
 
 def _rivals(search: Search, current: Explanation, screened: list[Candidate], most: int) -> list[Explanation]:
