@@ -1,5 +1,6 @@
 """Two effects that hide each other are found together, and only where their strengths are possible."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.mismatch.merge import merged
 from fimpact.mismatch.pairs import gains, pairs
 from fimpact.mismatch.score import Candidate
 
@@ -51,3 +53,33 @@ def test_two_probes_of_one_effect_are_no_pair():
     one, other, _ = three([1.0, 10.0, 0.0])
     same = SimpleNamespace(**{**vars(other), "placed": one.placed})
     assert gains([one, same])[0].max() == 0
+
+
+def tilted(values, column, residual):
+    found = candidate(("gravity_tilt", "world"), column, residual)
+    return replace(found, placed=replace(found.placed, values=values))
+
+
+def beside_nothing(residual):
+    """A fit without coordinates or initial states."""
+    linear = SimpleNamespace(off=lambda columns: columns, projected=np.zeros((1, len(residual), 0)))
+    point = SimpleNamespace(residual=residual[None])
+    return SimpleNamespace(linear=linear, point=point, covariance=np.zeros((0, 0)), pull=np.zeros(0))
+
+
+def test_what_leans_between_two_axes_counts_whole():
+    residual, still = np.array([3.0, -4.0, 0.0]), {"tilt_z": 0.0}
+    about_x = tilted({"tilt_x": 0.01, "tilt_y": 0.0, **still}, [1.0, 0, 0], residual)
+    about_y = tilted({"tilt_x": 0.0, "tilt_y": 0.01, **still}, [0, 1.0, 0], residual)
+    (found,) = merged(None, beside_nothing(residual), [about_x, about_y, candidate(DRY, [0.9, 0.6, 0], residual)])
+    assert (about_x.gain, about_y.gain) == pytest.approx((9.0, 16.0)) and found.gain == pytest.approx(25.0)
+    assert found.start().values == pytest.approx({"tilt_x": 0.03, "tilt_y": -0.04, **still})
+
+
+@pytest.mark.parametrize(("residual", "mixed"), [((3.0, -4.0), []), ((3.0, 4.0), [{"forward": 0.3, "backward": 0.4}])])
+def test_what_bounds_forbid_is_not_mixed(residual, mixed):
+    kind, both = ("direction_dependent_coulomb", "joint_1"), {"forward": 0.0, "backward": 0.0}
+    ways = [candidate(kind, column, np.array(residual)) for column in ([1.0, 0.0], [0.0, 1.0])]
+    ways = [replace(w, placed=replace(w.placed, values=both | {n: 0.1})) for w, n in zip(ways, both, strict=True)]
+    found = merged(None, beside_nothing(np.array(residual)), ways)
+    assert [c.start().values for c in found] == [pytest.approx(values) for values in mixed]
