@@ -439,6 +439,17 @@ def shaken(fitted, by):
     return replace(fitted, point=replace(fitted.point, residual=fitted.point.residual * by[:, None]))
 
 
+def test_what_was_known_before_counts(nothing):
+    """A rival may not bend a mass far from what is known of it for nothing."""
+    fitted, found = nothing.naming.naive.fitted, nothing.naming.pulses
+    shade, free = [colour(found, disturbance(fitted, found))], fitted.coordinates
+    strict = replace(free, mean=free.read(fitted.point.hypothesis) + 50 * free.sd)
+    pull = (free.read(fitted.point.hypothesis) - strict.mean) / free.sd**2
+    calm, bent = generalised([fitted], shade), generalised([replace(fitted, coordinates=strict, pull=pull)], shade)
+    assert calm.bent < 20 < bent.bent
+    assert bent.total == pytest.approx(sum(part.sum() for part in bent.deviances) + bent.bent)
+
+
 def test_what_no_force_explains_may_be_louder_than_the_sensors(nothing):
     fitted, found = nothing.naming.naive.fitted, nothing.naming.pulses
     every = np.ones(len(fitted.point.residual))

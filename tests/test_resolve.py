@@ -145,3 +145,15 @@ def test_a_step_that_meets_a_bound_is_asked_again():
     alone = (slope[1] - hessian[1, 0] * -0.5) / hessian[1, 1]
     assert step == pytest.approx([-0.5, alone])
     assert bounded(hessian, slope, np.ones(2), np.full(2, -np.inf), np.full(2, np.inf)) == pytest.approx([-6.0, 5.0])
+
+
+def test_a_step_that_meets_several_bounds_is_not_worse_than_none():
+    """In a valley, a mass and its place, cut off at both bounds at once no longer match."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        columns = rng.standard_normal((5, 3)) @ np.diag([1.0, 1.0, 0.01]) @ rng.standard_normal((3, 3))
+        hessian, slope = columns.T @ columns, columns.T @ rng.standard_normal(5)
+        low, high = -rng.uniform(0, 0.3, 3), rng.uniform(0, 0.3, 3)
+        step = bounded(hessian, slope, np.ones(3), low, high)
+        assert (low <= step).all() and (step <= high).all()
+        assert slope @ step - step @ hessian @ step / 2 >= -1e-9
