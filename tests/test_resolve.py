@@ -68,6 +68,11 @@ def test_a_rival_that_became_its_own_special_case_is_no_rival(recording):
     assert sum(e.weight for e in found) == pytest.approx(1.0) and len(found) == 2
 
 
+def test_members_of_several_effects_are_resolved_too(recording):
+    found = resolve(recording, recording.held_out[:1], [COULOMB | OFFSET, OFFSET])
+    assert found[0].name == "coulomb@joint_2+torque_offset@motor_2" and found[0].weight > 0.99
+
+
 def test_windows_without_a_measurement_are_left_out(recording):
     run = recording.training[0]
     measured = run.measured.copy()

@@ -96,11 +96,10 @@ def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -
     return explain(fitted, settle(made.held_out, fitted.point.hypothesis, naive[1].point))
 
 
-def _placed(member: dict[str, dict], problem: Problem, sizes: Scales) -> tuple[Placed, ...]:
+def _placed(member: dict[str, dict], problem: Problem, found: Scales) -> tuple[Placed, ...]:
     placed = []
     for name, values in member.items():
-        effect, _, site = name.partition("@")
-        known = proposals([get_effect(effect)], problem, sizes)
-        sizes = next((p.sizes for p in known if p.site == site), {})
-        placed.append(Placed(get_effect(effect), site, dict(values), sizes))
+        effect, site = get_effect(name.split("@")[0]), name.split("@", 1)[1]
+        sizes = next((p.sizes for p in proposals([effect], problem, found) if p.site == site), {})
+        placed.append(Placed(effect, site, dict(values), sizes))
     return tuple(placed)
