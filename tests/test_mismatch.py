@@ -10,6 +10,7 @@ from planted import NOISE, record
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.mismatch.accept import idle
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.colour import beside, colour, disturbance, generalised
 from fimpact.mismatch.diagnose import diagnose, to_json, unit_at, verdict
@@ -18,7 +19,7 @@ from fimpact.mismatch.explain import explain, price, refit, seen, sizes_of
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
 from fimpact.mismatch.locate import _modes
-from fimpact.mismatch.name import Naming, build, idle, name
+from fimpact.mismatch.name import Naming, build, name
 from fimpact.mismatch.nameless import differences, nameless
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
@@ -419,17 +420,14 @@ def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(mon
     stub("step", lambda *_: Step([], np.zeros(0), [explained(next(rounds))]))
     stub("_reconsider", lambda *_: [explained(next(left))])
     stub("explained", lambda *_: 0.0)
-    stub("_worthwhile", lambda *_: True)
-    stub("_beats", lambda *_: True)
-    stub("numerics", lambda _, explanation: explanation)
-    stub("sharpened", lambda _, __, explanation: explanation)
-    stub("idle", lambda _: False)
-    stub("kept", lambda *_: True)
+    stub("hopeful", lambda _, rivals: rivals)
+    stub("worthwhile", lambda *_: True)
+    stub("beats", lambda *_: True)
+    stub("accepted", lambda _, __, explanation: explanation)
     stub("lost", lambda _: False)
-    problem, naive = SimpleNamespace(offset=0.0), explained("none")
+    naive = explained("none")
     naive.placed = ()
-    made = SimpleNamespace(training=problem, held_out=problem)
-    steps, best, _ = build(Search(made, (), None, None, print), naive)
+    steps, best, _ = build(Search(None, (), None, None, print), naive)
     assert best.name == "com_shift"
     assert len(steps) == 3
 

@@ -98,11 +98,9 @@ def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explana
 
 def corrected(bench: Bench, rival: Explanation) -> Explanation:
     """`rival` with numerics of its own, those of the problems left as they are for the others."""
-    problems = bench.training, bench.held_out
-    offsets = [problem.offset for problem in problems]
+    before = bench.offsets
     found = numerics(bench, rival)
-    for problem, offset in zip(problems, offsets, strict=True):
-        problem.offset = offset
+    bench.restore(before)
     return found
 
 
@@ -146,16 +144,15 @@ def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanat
         shade = colour(found, disturbance(fitted, found))
         z = fitted.coordinates.read(fitted.point.hypothesis) + generalised([fitted], [shade]).step
         hypothesis = fitted.coordinates.write(fitted.point.hypothesis, z)
-        problems = bench.training, bench.held_out
-        offsets = [problem.offset for problem in problems]
-        for problem, part in zip(problems, explanation.parts, strict=True):
+        before = bench.offsets
+        for problem, part in zip((bench.training, bench.held_out), explanation.parts, strict=True):
             near = settle(problem, hypothesis, part.point, part.linear)
             correct(bench, problem, near.point)
             parts.append(settle(problem, hypothesis, near.point, near.linear))
         where = parts[0].point.qpos, parts[0].point.qvel
         point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
         if not point.cost < WORSE * fitted.point.cost:  # the step left the range in which its tangent holds
-            bench.training.offset, bench.held_out.offset = offsets
+            bench.restore(before)
             break
         fitted = relinearised(bench.training, replace(fitted, point=point))
         explanation = replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)

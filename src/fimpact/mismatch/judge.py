@@ -30,6 +30,16 @@ class Bench:
     finer: tuple[Simulator, Simulator]
     noise: np.ndarray
 
+    @property
+    def offsets(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is taken for the time step's error in training and held-out windows: state, to be put back where an
+        explanation was only tried."""
+        return self.training.offset, self.held_out.offset
+
+    def restore(self, offsets: tuple[np.ndarray, np.ndarray]) -> None:
+        """Put `offsets` back."""
+        self.training.offset, self.held_out.offset = offsets
+
 
 def bench(recording: Recording) -> Bench:
     """Windows, first states and noise level of `recording`."""

@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fimpact.effects.base import Effect
+from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, worthwhile
 from fimpact.mismatch.colour import FEW, colour, disturbance, generalised
-from fimpact.mismatch.explain import Explanation, explain, numerics, sharpened, without
+from fimpact.mismatch.explain import Explanation, explain, sharpened, without
 from fimpact.mismatch.fit import lost
-from fimpact.mismatch.judge import Bench, base_fit, squares
+from fimpact.mismatch.judge import Bench, base_fit
 from fimpact.mismatch.nameless import nameless
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.pulses import Pulses, pulses
@@ -21,16 +22,13 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.step import ALARM, Search, Step, step, together
-from fimpact.mismatch.weigh import both, dispersion, explained, members, predicted, weigh
+from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
 
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
-TRACE = 0.03  # share of what there was to explain that is not worth a further effect
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
 WILDER = 100.0  # the same where windows are too few to know what a disturbance does
 CERTAIN = 0.01  # family-wise p at which a force without a name is there beside the best named answer
-SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
-TRIES, SLACK = 3, 0.01  # rivals that are sharpened in a round; share of the held-out squares that is chance
 LARGEST = 3  # effects that are added, at most
 
 
@@ -123,46 +121,21 @@ def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, 
 
 
 def _further(search: Search, naive: Explanation, best: Explanation, last: Step, known: set[str]):
-    """The first of a round's rivals that is worthwhile and new and, sharpened, does something and keeps its word, and
-    the rivals from there on; None if there is none."""
-    problems = search.bench.training, search.bench.held_out
-    offsets = [problem.offset for problem in problems]
-    for first in range(min(len(last.rivals), TRIES)):
-        ranked = search.ranked(last.rivals[first:]) if first else last.rivals
-        if not _worthwhile(search, naive, best, replace(last, rivals=ranked)):
+    """The first of a round's rivals that is worthwhile and new, does something and keeps its word, and the rivals from
+    there on; None if there is none."""
+    asked = hopeful(best, last.rivals)
+    for first in range(min(len(asked), TRIES)):
+        ranked = search.ranked(asked[first:]) if first else last.rivals
+        if not worthwhile(search, naive, best, replace(last, rivals=ranked)):
             return None
         # A surrogate that promised more, and does not keep it, gives the place back.
-        for asked in [_reconsider(search, ranked), ranked] if len(ranked[0].placed) > 1 else [ranked]:
-            if asked[0].name in known or not _beats(search, asked[0], best):
+        for answers in [_reconsider(search, ranked), ranked] if len(ranked[0].placed) > 1 else [ranked]:
+            if answers[0].name in known or not beats(search, answers[0], best):
                 return None  # it was the best before: from here on names would take turns for ever
-            found = sharpened(search.bench, search.pulses, numerics(search.bench, asked[0]))
-            if not idle(found) and kept(best, found):
-                return found, asked
-            for problem, offset in zip(problems, offsets, strict=True):
-                problem.offset = offset
+            found = accepted(search, best, answers[0])
+            if found:
+                return found, answers
     return None
-
-
-def _beats(search: Search, found: Explanation, best: Explanation) -> bool:
-    """Whether an explanation that adds nothing to `best`, but came to stand in its place, is the likelier."""
-    if len(found.placed) > len(best.placed):
-        return True
-    return weigh(search.bench, search.pulses, search.held_out, [found, best])[0].name == found.name
-
-
-def kept(before: Explanation, after: Explanation) -> bool:
-    """Whether held-out windows really are predicted no worse, but for chance: what one linear step promised of an
-    effect that is large, or of one that the windows hardly show, need not come true."""
-    was, now = squares(before.judged).sum(), squares(after.judged).sum()
-    return bool(now <= was + max(CHANCE, SLACK * was))
-
-
-def idle(explanation: Explanation) -> bool:
-    """Whether an effect was added that, once fitted, does nothing: one step promised what its bounds do not allow."""
-    return any(
-        all(p.values[c.name] == p.effect.neutral[c.name] for c in p.effect.coefficients if not c.shape)
-        for p in explanation.placed
-    )
 
 
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
@@ -180,17 +153,6 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
         known = {r.name for r in rivals}
         rivals = search.ranked(rivals + [r for r in found if r.name not in known])
     return rivals
-
-
-def _worthwhile(search: Search, naive: Explanation, current: Explanation, last: Step) -> bool:
-    """Whether the best rival predicts held-out windows better, and a further one by more than a trace of what there was
-    to explain. What training shows beyond doubt, a few held-out runs may fail to show by chance."""
-    pushing = disturbance(last.rivals[0].fitted, search.pulses)
-    shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
-    before, now, then = predicted(search.bench, (naive, current, last.rivals[0]), shades)
-    if current.placed:
-        return bool(now - then > max(TRACE * (before - now), 0.0))
-    return bool(now - then > (-CHANCE if last.least <= SURE else 0.0))
 
 
 def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explanation, others) -> Naming:

@@ -1,0 +1,70 @@
+"""Accept: which of a round's rivals is worth having and keeps its word.
+
+Rivals are ranked by what one linear step promises under a model of what disturbs the robot. Before one is believed it
+is fitted there, and must really predict held-out windows no worse.
+"""
+
+from fimpact.mismatch.colour import colour, disturbance
+from fimpact.mismatch.explain import Explanation, numerics, sharpened
+from fimpact.mismatch.judge import squares
+from fimpact.mismatch.step import Search, Step
+from fimpact.mismatch.weigh import predicted, weigh
+
+TRACE = 0.03  # share of what there was to explain that is not worth a further effect
+SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
+TRIES, SLACK = 3, 0.01  # rivals that are sharpened in a round; share of the held-out squares that is chance
+
+
+def hopeful(best: Explanation, rivals: list[Explanation]) -> list[Explanation]:
+    """The likeliest, and those others that look like keeping their word: once it has broken its own, only they are
+    worth the time."""
+    return [*rivals[:1], *(r for r in rivals[1:] if kept(best, r))]
+
+
+def worthwhile(search: Search, naive: Explanation, current: Explanation, last: Step) -> bool:
+    """Whether the best rival predicts held-out windows better, and a further one by more than a trace of what there was
+    to explain. What training shows beyond doubt, a few held-out runs may fail to show by chance."""
+    pushing = disturbance(last.rivals[0].fitted, search.pulses)
+    shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
+    before, now, then = predicted(search.bench, (naive, current, last.rivals[0]), shades)
+    if current.placed:
+        return bool(now - then > max(TRACE * (before - now), 0.0))
+    return bool(now - then > (-CHANCE if last.least <= SURE else 0.0))
+
+
+def beats(search: Search, found: Explanation, best: Explanation) -> bool:
+    """Whether an explanation that adds nothing to `best`, but came to stand in its place, is the likelier."""
+    if len(found.placed) > len(best.placed):
+        return True
+    return weigh(search.bench, search.pulses, search.held_out, [found, best])[0].name == found.name
+
+
+def accepted(search: Search, best: Explanation, promised: Explanation) -> Explanation | None:
+    """`promised` at its generalised optimum, or as it was fitted where only that predicts held-out windows, for
+    disturbances need not be what they are taken for; None, and numerics as they were, if neither does."""
+    before = search.bench.offsets
+    plain = numerics(search.bench, promised)
+    own = search.bench.offsets
+    found = sharpened(search.bench, search.pulses, plain)
+    if not idle(found) and kept(best, found):
+        return found
+    if not idle(plain) and kept(best, plain):
+        search.bench.restore(own)
+        return plain
+    search.bench.restore(before)
+    return None
+
+
+def kept(before: Explanation, after: Explanation) -> bool:
+    """Whether held-out windows really are predicted no worse, but for chance: what one linear step promised of an
+    effect that is large, or of one that the windows hardly show, need not come true."""
+    was, now = squares(before.judged).sum(), squares(after.judged).sum()
+    return bool(now <= was + max(CHANCE, SLACK * was))
+
+
+def idle(explanation: Explanation) -> bool:
+    """Whether an effect was added that, once fitted, does nothing: one step promised what its bounds do not allow."""
+    return any(
+        all(p.values[c.name] == p.effect.neutral[c.name] for c in p.effect.coefficients if not c.shape)
+        for p in explanation.placed
+    )
