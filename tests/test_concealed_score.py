@@ -225,6 +225,17 @@ def test_a_right_answer_scores(recording):
     assert (row["covered"], row["intervals"], row["confidence"], row["seconds"]) == (1, 1, 0.9, 2.0)
 
 
+@pytest.mark.parametrize(
+    ("acts", "mode", "right"), [("contact", "contact", False), ("any", "any", True), (None, "contact", False)]
+)
+def test_the_contact_mode_is_that_of_the_name_or_else_of_the_residual(recording, acts, mode, right):
+    modes = {"free": 0.1, "impact": 2.0}
+    found = answer("coulomb@joint_2", location={"places": [], "modes": modes}, acts_in=acts)
+    planted = Planted("coulomb", "joint_2", {"friction": 0.05}, 100.0, 0.95, 0.9, "any")
+    row = score_case("01", truth("single", (planted,)), recording, found)
+    assert (row["mode"], row["mode_right"]) == (mode, right)
+
+
 def test_a_wrong_name_at_the_right_place_is_located(recording):
     row = score_case("01", truth("single", (COULOMB,)), recording, answer("gain@motor_2", "coulomb@joint_2"))
     assert row["located"] and row["in_set"] and not row["right"]

@@ -10,7 +10,6 @@ from planted import NOISE, record
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch.accept import idle
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.colour import beside, colour, disturbance, generalised
 from fimpact.mismatch.diagnose import diagnose, to_json, unit_at, verdict
@@ -492,17 +491,6 @@ def test_the_verdict_tells_what_has_a_name_beside_what_has_none(friction, monkey
     refused = replace(friction.evidence, low=-0.01)
     said = verdict(friction.naming, friction.recording, friction.location, refused)
     assert said.startswith("Something is missing that the catalogue cannot name") and "coulomb" not in said
-
-
-def test_an_effect_at_its_bound_does_nothing():
-    def explained(*placed):
-        return SimpleNamespace(placed=placed)
-
-    spring = Placed(EFFECTS["spring"], "joint_1", {"stiffness": 0.3, "rest": 0.0})
-    dry = Placed(EFFECTS["coulomb"], "joint_1", {"friction": 0.0})
-    one_way = Placed(EFFECTS["direction_dependent_coulomb"], "joint_1", {"forward": 0.0, "backward": 0.1})
-    assert idle(explained(spring, dry))
-    assert not idle(explained(spring, one_way))
 
 
 SLED = """<mujoco><worldbody><body name="sled"><joint name="rail" type="slide"/><geom size="0.1"/>

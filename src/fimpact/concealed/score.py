@@ -112,11 +112,12 @@ def _first_place(row) -> set[str]:
 
 
 def _where(model, recording: Recording, truth: Truth, row) -> dict[str, Any]:
-    """What the residual alone says before anything is named: its first place, and the contact mode."""
+    """What the residual alone says before anything is named: its first place; and the contact mode, the answer's where
+    it has a name, or else the residual's."""
     first, modes = _first_place(row), row.get("location", {}).get("modes", {})
     wanted = places(model, recording.channels, truth.effects[0].site) if truth.effects else set()
     listed = {place["name"] for place in row.get("location", {}).get("places", [])}
-    claimed = mode_claimed(modes)
+    claimed = mode_claimed(modes) and (row.get("acts_in") or mode_claimed(modes))
     judged = truth.kind == "single" and bool(claimed) and truth.mode != "free"
     return {
         "place": next(iter(first), None),

@@ -136,6 +136,7 @@ class Effect:
     neutral: values at which nothing changes. family, equation, sentence, reference: for the report.
     linear: the law is proportional to its amplitude parameters (all that are not `shape`), so a probe can be scaled.
     contains: names of effects that are special cases of this one.
+    touching: it acts only while something touches: a property of the contact, or of the ground.
     """
 
     name: str
@@ -152,6 +153,7 @@ class Effect:
     export: Callable | None = None
     linear: bool = True
     contains: tuple[str, ...] = ()
+    touching: bool = False
 
 
 @dataclass(frozen=True)

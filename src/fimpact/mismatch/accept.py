@@ -4,8 +4,11 @@ Rivals are ranked by what one linear step promises under a model of what disturb
 is fitted there, and must really predict held-out windows no worse.
 """
 
-from fimpact.mismatch.colour import colour, disturbance
+import numpy as np
+
+from fimpact.mismatch.colour import colour, disturbance, tempered
 from fimpact.mismatch.explain import Explanation, numerics, sharpened
+from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import squares
 from fimpact.mismatch.step import Search, Step
 from fimpact.mismatch.weigh import predicted, weigh
@@ -57,9 +60,13 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
 
 def kept(before: Explanation, after: Explanation) -> bool:
     """Whether held-out windows really are predicted no worse, but for chance: what one linear step promised of an
-    effect that is large, or of one that the windows hardly show, need not come true."""
-    was, now = squares(before.judged).sum(), squares(after.judged).sum()
+    effect that is large, or of one that the windows hardly show, need not come true. No loud window decides it."""
+    was, now = (tempered(squares(e.judged), _samples(e.judged)).sum() for e in (before, after))
     return bool(now <= was + max(CHANCE, SLACK * was))
+
+
+def _samples(judged: Fit) -> np.ndarray:
+    return np.maximum((judged.point.residual != 0).sum(1), 1)
 
 
 def idle(explanation: Explanation) -> bool:

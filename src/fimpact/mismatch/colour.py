@@ -167,12 +167,14 @@ class Generalised:
 
     @property
     def deviances(self) -> list[np.ndarray]:
-        """Of each window, (w,) each: squares up to the number of samples n, and n (1 + log(squares / n)) beyond: what
-        fits worse than noise has noise of its own."""
-        return [
-            np.minimum(own, n) + n * np.log(np.maximum(own / n, 1.0))
-            for own, n in zip(self.squares, self.samples, strict=True)
-        ]
+        """Of each window, (w,) each: `tempered` squares."""
+        return [tempered(own, n) for own, n in zip(self.squares, self.samples, strict=True)]
+
+
+def tempered(squares: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Squares up to the number of samples n, and n (1 + log(squares / n)) beyond, (w,): what fits worse than noise has
+    noise of its own."""
+    return np.minimum(squares, samples) + samples * np.log(np.maximum(squares / samples, 1.0))
 
 
 def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:

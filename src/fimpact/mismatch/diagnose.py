@@ -37,6 +37,13 @@ class Diagnosis:
         """``effect@site`` joined by +, "none" or "unnamed"."""
         return self.naming.answer
 
+    @property
+    def acts_in(self) -> str | None:
+        """Where all that was found acts: in "contact" only, or in "any" mode; None where nothing has a name, and the
+        residual's own modes are all there is."""
+        placed = self.naming.best.placed
+        return ("contact" if all(p.effect.touching for p in placed) else "any") if placed else None
+
 
 def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line: None) -> Diagnosis:
     """Fit, locate, name and judge.
@@ -67,7 +74,8 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
     if not evidence.low > 0:
         return f"Something is missing, but the likeliest name does not improve held-out runs: {found}.{unsure}"
-    more = " Something beside it is missing that the catalogue cannot name." if naming.beside else ""
+    surely = "is" if naming.certain else "may be"
+    more = f" Something beside it {surely} missing that the catalogue cannot name." if naming.beside else ""
     return f"Missing: {found}. {share}{unsure}{more}"
 
 
@@ -142,6 +150,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "nameless": naming.nameless,
         "widened": naming.widened,
         "dispersion": naming.dispersion,
+        "acts_in": diagnosis.acts_in,
         "location": {
             "sentence": location.sentence,
             "places": [asdict(place) for place in location.places],

@@ -1,0 +1,94 @@
+"""A rival must keep its word on held-out windows before it is believed."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fimpact.concealed.strangers import known
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.mismatch.accept import accepted, hopeful, idle, kept
+from fimpact.mismatch.colour import tempered
+from fimpact.mismatch.name import RIGHT, Naming
+
+SAMPLES = 100
+
+
+def rival(name, *squares, friction=0.1):
+    """An explanation whose held-out windows have these sums of squares."""
+    residual = np.sqrt(np.array(squares) / SAMPLES)[:, None] * np.ones(SAMPLES)
+    judged = SimpleNamespace(point=SimpleNamespace(residual=residual))
+    placed = (Placed(EFFECTS["coulomb"], "joint_1", {"friction": friction}),)
+    return SimpleNamespace(name=name, judged=judged, placed=placed, weight=1.0)
+
+
+def test_squares_beyond_noise_count_by_their_logarithm():
+    np.testing.assert_allclose(tempered(np.array([50.0, 100.0, 100 * np.e]), np.array(100)), [50, 100, 200])
+
+
+def test_one_loud_window_does_not_make_a_rival_break_its_word():
+    assert kept(rival("none", 300, 300, 300, 9000), rival("better", 200, 200, 200, 12000))
+    assert not kept(rival("none", 300, 300), rival("worse", 330, 330))
+
+
+def test_once_the_likeliest_has_failed_only_those_that_predict_no_worse_are_tried():
+    best, rivals = rival("none", 300), [rival("likeliest", 900), rival("worse", 900), rival("better", 200)]
+    assert [r.name for r in hopeful(best, rivals)] == ["likeliest", "better"]
+
+
+@pytest.mark.parametrize(
+    ("plain", "sharp", "friction", "found", "offsets"),
+    [
+        (200, 150, 0.1, "sharp", "sharp"),
+        (200, 900, 0.1, "plain", "plain"),
+        (900, 900, 0.1, None, "naive"),
+        (200, 150, 0.0, None, "naive"),  # it does nothing
+    ],
+)
+def test_the_generalised_optimum_is_taken_only_where_it_keeps_its_word(
+    monkeypatch, plain, sharp, friction, found, offsets
+):
+    bench = SimpleNamespace(offsets="naive")
+    bench.restore = lambda state: setattr(bench, "offsets", state)
+
+    def arriving(name, squares):
+        def at(*_):
+            bench.offsets = name
+            return rival(name, squares, friction=friction)
+
+        return at
+
+    monkeypatch.setattr("fimpact.mismatch.accept.numerics", arriving("plain", plain))
+    monkeypatch.setattr("fimpact.mismatch.accept.sharpened", arriving("sharp", sharp))
+    answer = accepted(SimpleNamespace(bench=bench, pulses=None), rival("none", 300), None)
+    assert (answer.name if answer else None, bench.offsets) == (found, offsets)
+
+
+def test_an_effect_at_its_bound_does_nothing():
+    def explained(*placed):
+        return SimpleNamespace(placed=placed)
+
+    spring = Placed(EFFECTS["spring"], "joint_1", {"stiffness": 0.3, "rest": 0.0})
+    dry = Placed(EFFECTS["coulomb"], "joint_1", {"friction": 0.0})
+    one_way = Placed(EFFECTS["direction_dependent_coulomb"], "joint_1", {"forward": 0.0, "backward": 0.1})
+    assert idle(explained(spring, dry))
+    assert not idle(explained(spring, one_way))
+
+
+def naming(*weights):
+    members = [SimpleNamespace(name=f"name {i}", weight=w) for i, w in enumerate(weights)]
+    return Naming(None, [], None, members, 0.0, (1.0, 1.0), 1.0, np.zeros((0, 0)), None)
+
+
+def test_stated_confidence_is_what_such_weights_have_been_worth():
+    assert naming(1.0).confidence == {"name 0": pytest.approx(sum(RIGHT))}
+    several = naming(0.5, 0.3, 0.2).confidence
+    assert several["name 0"] == pytest.approx(RIGHT[0] + RIGHT[1] / 2)
+    assert several["name 1"] / several["name 2"] == pytest.approx(1.5)
+    assert sum(several.values()) <= 1.0 + 1e-12
+
+
+def test_what_acts_in_contact_only_is_known_as_such():
+    for name, effect in EFFECTS.items():
+        assert effect.touching == (known(name).mode == "contact"), name
