@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from mujoco.rollout import Rollout
 
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
 from fimpact.mismatch.fit import SETTLED, first_point, fit, leaped, negligible
 from fimpact.mismatch.judge import bench, converging, correct
 from fimpact.mismatch.problem import coordinates
@@ -46,6 +48,15 @@ def sliding():
     runs = [throw(speed, 0.0, held_out) for held_out in (False, True) for speed in (0.8, 1.2, -1.0)]
     unknowns, known = (Unknown("pair_friction", "box_table"),), np.full(2, NOISE)
     return bench(Recording(BOX, ".", PERIOD, ("x", "z"), tuple(runs), unknowns, known, np.full(4, np.inf), 0.0))
+
+
+def test_finer_steps_do_not_simulate_a_quicker_contact(sliding):
+    """MuJoCo slows a contact that its time step cannot follow; half the step would be another model."""
+    damped = Placed(EFFECTS["contact_damping"], "box_table", {"change": 70.0})
+    hypothesis = Hypothesis(sliding.training.simulator.theta, (damped,))
+    made = [s.model(hypothesis) for s in (sliding.training.simulator, *sliding.finer)]
+    assert [m.opt.timestep for m in made] == pytest.approx([0.002, 0.001, 0.0005])
+    assert [m.pair_solref[0, 0] for m in made] == pytest.approx([0.004] * 3)
 
 
 def test_long_steps_lead_to_where_a_tangent_through_a_contact_does_not(sliding):

@@ -58,6 +58,9 @@ class Simulator:
         self.base.opt.ls_iterations = max(self.base.opt.ls_iterations, ITERATIONS)
         self.substeps = max(1, round(recording.period / self.base.opt.timestep))
         self.base.opt.timestep = recording.period / self.substeps
+        # What MuJoCo does to a contact that is too quick for its time step (refsafe) belongs to the model: finer steps
+        # measure the error of the integrator, and must not simulate a quicker contact.
+        self.quickest = 2 * self.base.opt.timestep * refine
         self.columns = np.array([_sensor_column(self.base, name) for name in recording.channels])
         count = threads()
         self._engine = Rollout(nthread=count if count > 1 else 0)
@@ -77,8 +80,15 @@ class Simulator:
         for placed in hypothesis.placed:
             if placed.effect.enters == "model":
                 placed.effect.law(model, placed.site, **placed.values)
+        self._slow(model.pair_solref)
+        self._slow(model.geom_solref)
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
+
+    def _slow(self, solref: np.ndarray) -> None:
+        """Time constants no shorter than the recording's own time step allows; a direct form has none."""
+        standard = (solref[:, 0] > 0) & (not self.base.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+        solref[standard, 0] = np.maximum(solref[standard, 0], self.quickest)
 
     def _models(self, hypothesis: Hypothesis, count: int = 0) -> tuple[mujoco.MjModel, list[mujoco.MjModel]]:
         """The model under `hypothesis` and `count` copies, as made for the last prediction where they are of
