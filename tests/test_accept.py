@@ -27,9 +27,11 @@ def test_squares_beyond_noise_count_by_their_logarithm():
     np.testing.assert_allclose(tempered(np.array([50.0, 100.0, 100 * np.e]), np.array(100)), [50, 100, 200])
 
 
-def test_one_loud_window_does_not_make_a_rival_break_its_word():
-    assert kept(rival("none", 300, 300, 300, 9000), rival("better", 200, 200, 200, 12000))
-    assert not kept(rival("none", 300, 300), rival("worse", 330, 330))
+def test_a_rival_keeps_its_word_in_loud_windows_and_in_quiet_ones():
+    naive = rival("none", 300, 300, 300, 9000)
+    assert kept(naive, rival("better", 200, 200, 200, 8900))
+    assert not kept(naive, rival("worse where it is loud", 200, 200, 200, 12000))
+    assert not kept(naive, rival("worse where it is quiet", 500, 500, 500, 8000))
 
 
 def test_once_the_likeliest_has_failed_only_those_that_predict_no_worse_are_tried():

@@ -106,7 +106,7 @@ def _signals(diagnosis: Diagnosis, axes: list[Axes], readings: dict[str, np.ndar
         if model != "recorded":
             ax.plot(time, values[:, channel], color=COLOURS[model], linewidth=1.2, scaley=False)
         ax.set(xlim=(time[0], time[-1]))
-        ax.xaxis.set_major_locator(MaxNLocator(4))
+        ax.xaxis.set_major_locator(MaxNLocator(2))
     axes[0].set_ylabel(f"{name} ({unit})" if unit else name)
     axes[len(axes) // 2].set_xlabel(f"time in the run (s){pace}")
 

@@ -60,9 +60,15 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
 
 def kept(before: Explanation, after: Explanation) -> bool:
     """Whether held-out windows really are predicted no worse, but for chance: what one linear step promised of an
-    effect that is large, or of one that the windows hardly show, need not come true. No loud window decides it."""
-    was, now = (tempered(squares(e.judged), _samples(e.judged)).sum() for e in (before, after))
-    return bool(now <= was + max(CHANCE, SLACK * was))
+    effect that is large, or of one that the windows hardly show, need not come true. Neither a loud window nor the
+    quiet ones alone decide it."""
+    plain = [squares(e.judged) for e in (before, after)]
+    tame = [tempered(own, _samples(e.judged)) for own, e in zip(plain, (before, after), strict=True)]
+    return _no_worse(*plain) and _no_worse(*tame)
+
+
+def _no_worse(was: np.ndarray, now: np.ndarray) -> bool:
+    return bool(now.sum() <= was.sum() + max(CHANCE, SLACK * was.sum()))
 
 
 def _samples(judged: Fit) -> np.ndarray:

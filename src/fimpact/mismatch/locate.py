@@ -154,8 +154,8 @@ def _correlation(y, x, weight) -> float:
 def _sentence(places: list[Place], modes: dict[str, float], states: dict[str, float]) -> str:
     first = places[0]
     clean = [p.name for p in places if p.kind == first.kind and p.share < 0.3 * first.share]
-    mode = max(modes, key=modes.get)
+    mode = f", most in {max(modes, key=modes.get)} motion" if len(modes) > 1 else ""
     state = max(states, key=lambda name: abs(states[name]))
     going = f", going with {state}" if abs(states[state]) > 0.4 and first.kind == "joint" else ""
     rest = f"; {', '.join(clean)} {'are' if len(clean) > 1 else 'is'} clean" if clean else ""
-    return f"{first.name} ({first.share:.0%} of what is unexplained), most in {mode} motion{going}{rest}"
+    return f"{first.name} ({first.share:.0%} of what is unexplained){mode}{going}{rest}"
