@@ -23,11 +23,11 @@ def added_force(diagnosis: Diagnosis, dof: int) -> np.ndarray | None:
     ctrl = windows.ctrl[windows.runs[:, None], np.minimum(row, windows.ctrl.shape[1] - 1)].reshape(len(qpos), -1)
     naive = simulator.model(naming.naive.fitted.point.hypothesis)
     best = simulator.model(naming.best.fitted.point.hypothesis)
-    pull = _law_force(best, acting, qpos, qvel, ctrl, location.time.ravel())
+    pull = law_force(best, acting, qpos, qvel, ctrl, location.time.ravel())
     return _force_between(naive, best, qpos, qvel, ctrl, pull)[:, dof]
 
 
-def _law_force(model, placed, qpos, qvel, ctrl, time) -> np.ndarray:
+def law_force(model, placed, qpos, qvel, ctrl, time) -> np.ndarray:
     """Generalised force of the force laws, (n, nv); those with a memory are shown as at the start of a window."""
     seen = State(model, qpos, qvel, ctrl, time, model.opt.timestep, {})
     out = sum((p.effect.law(seen, p.site, **p.values) for p in placed if p.effect.enters == "force"), 0 * qvel)
