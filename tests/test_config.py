@@ -115,3 +115,10 @@ def test_the_schema_knows_what_the_package_offers():
     assert set(names["methods"]["items"]["enum"]) == set(METHODS)
     assert set(names["design"]["properties"]["criterion"]["enum"]) == set(CRITERIA)
     assert {path.stem for path in checker.MJCF.glob("*.xml")} == set(SYSTEMS)
+
+
+def test_numbers_inside_braces_on_the_command_line_are_numbers(paper):
+    """Of ``--config 'design={generations: 3}'`` snakemake makes text."""
+    given = merged(paper, {"rounds": "2", "design": {"sigma": "0.5"}})
+    check(given, SCHEMA)
+    assert (given["rounds"], given["design"]["sigma"]) == (2, 0.5)

@@ -1,7 +1,9 @@
 """Check a configuration before anything runs; cheap, because every `snakemake` does it: no jax is imported here."""
 
 from collections.abc import Iterator
+from functools import reduce
 from math import isfinite
+from operator import getitem
 from pathlib import Path
 
 import mujoco
@@ -23,8 +25,9 @@ def check(config: dict, schema: Path) -> None:
     Raises:
         ValueError: one line that names the first wrong key, its value, and what is allowed.
     """
-    rules = _with_systems(yaml.safe_load(schema.read_text()), config)
-    error = most_telling(Draft202012Validator(rules).iter_errors(config))
+    validator = Draft202012Validator(_with_systems(yaml.safe_load(schema.read_text()), config))
+    _numbered(validator, config)
+    error = most_telling(validator.iter_errors(config))
     complaint = in_words(error) if error else next(_contradictions(config), None)
     if complaint:
         raise ValueError(f"configuration: {complaint} (all keys: config/README.md)")
@@ -42,9 +45,21 @@ def check_keys(config: dict, schema: Path, **names: list[str]) -> None:
     rules = yaml.safe_load(schema.read_text())
     for definition, known in names.items():
         rules["$defs"][definition] = {"enum": known}
-    error = most_telling(Draft202012Validator(rules).iter_errors(config))
+    validator = Draft202012Validator(rules)
+    _numbered(validator, config)
+    error = most_telling(validator.iter_errors(config))
     if error:
         raise ValueError(f"configuration: {in_words(error)} (all keys: config/README.md)")
+
+
+def _numbered(validator: Draft202012Validator, config: dict) -> None:
+    """Numbers where numbers belong: of ``--config 'table={key: 5}'`` snakemake makes text."""
+    for error in list(validator.iter_errors(config)):
+        if error.validator == "type" and error.validator_value in ("number", "integer"):
+            *above, last = error.absolute_path
+            table = reduce(getitem, above, config)
+            value = yaml.safe_load(error.instance) if isinstance(error.instance, str) else None
+            table[last] = value if type(value) in (int, float) else error.instance
 
 
 def _with_systems(schema: dict, config: dict) -> dict:
