@@ -48,7 +48,7 @@ def written(diagnosis, tmp_path_factory):
 def test_thinned_windows_are_not_shown_as_if_one_followed_the_other(diagnosis):
     thinned = replace(diagnosis, recording=replace(diagnosis.recording, windows=20))
     assert "fitted windows" not in timeline(diagnosis).axes[1].get_xlabel()
-    assert timeline(thinned).axes[1].get_xlabel().startswith("time in the fitted windows of 3 training runs")
+    assert timeline(thinned).axes[1].get_xlabel().startswith("time in fitted windows of 3 training runs")
 
 
 def test_the_folder_holds_page_data_figures_and_model(written):

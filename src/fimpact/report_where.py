@@ -65,7 +65,7 @@ def timeline(diagnosis: Diagnosis) -> Figure:
         ax.axvline(start * seconds / len(at), color=PAPER, linewidth=1)
     _ribbon(ribbon, location.mode[at].ravel(), seconds)
     thinned = diagnosis.recording.windows
-    ribbon.set_xlabel(f"time in the fitted windows of {names} (s)" if thinned else f"time in {names} (s)")
+    ribbon.set_xlabel(f"time in fitted windows of {names} (s)" if thinned else f"time in {names} (s)")
     return figure
 
 
@@ -79,7 +79,7 @@ def _telling(diagnosis: Diagnosis) -> tuple[np.ndarray, str]:
         chosen.append(ranked.pop(0))
     at = np.concatenate([run_rows[np.argsort(windows.first[run_rows])]
                          for run in chosen for run_rows in [np.flatnonzero(windows.runs == run)]])  # fmt: skip
-    many = f"{len(chosen)} training runs, one after another"
+    many = f"{len(chosen)} training runs, end to end"
     return at, many if len(chosen) > 1 else f"training run {windows.names[chosen[0]]}"
 
 
