@@ -57,6 +57,15 @@ def missing_force(simulator: Simulator, hypothesis: Hypothesis, motion, ctrl) ->
     return missing, driving
 
 
+def refuse(simulator: Simulator, recording, answer: Hypothesis) -> None:
+    """Stop where the motion is not known, or an effect does not act as a force."""
+    if len(recording.channels) != simulator.base.nv or any(np.isnan(r.measured).any() for r in recording.held_out):
+        raise SystemExit("every joint must be measured, without gaps, for inverse dynamics")
+    for placed in answer.placed:
+        if placed.effect.enters in ("command", "measurement"):
+            raise SystemExit(f"{placed.name} acts on a {placed.effect.enters}, not as a force; it cannot be judged so")
+
+
 def main() -> None:
     """One line per held-out run and joint."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -66,10 +75,11 @@ def main() -> None:
     parser.add_argument("--cutoff", type=float, default=20.0, help="Hz")
     options = parser.parse_args()
     recording = read_case(options.case, options.data)
+    tried = hypotheses(json.loads(options.diagnosis.read_text()), len(recording.unknowns))
     simulator, step = Simulator(recording), recording.period
     slow, edge = butter(4, 2 * options.cutoff * step), round(EDGE / step)
     fast = butter(4, min(2 * ABOVE * options.cutoff * step, FASTEST))
-    tried = hypotheses(json.loads(options.diagnosis.read_text()), len(recording.unknowns))
+    refuse(simulator, recording, tried["answer"])
     for run in recording.held_out:
         qpos = filtfilt(*fast, run.measured, axis=0)
         qvel = np.gradient(qpos, step, axis=0)

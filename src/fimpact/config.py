@@ -58,8 +58,8 @@ def _numbered(validator: Draft202012Validator, config: dict) -> None:
         if error.validator == "type" and error.validator_value in ("number", "integer"):
             *above, last = error.absolute_path
             table = reduce(getitem, above, config)
-            value = yaml.safe_load(error.instance) if isinstance(error.instance, str) else None
-            table[last] = value if type(value) in (int, float) else error.instance
+            if isinstance(error.instance, str) and type(number := yaml.safe_load(error.instance)) in (int, float):
+                table[last] = number
 
 
 def _with_systems(schema: dict, config: dict) -> dict:

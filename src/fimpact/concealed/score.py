@@ -117,7 +117,8 @@ def _where(model, recording: Recording, truth: Truth, row) -> dict[str, Any]:
     first, modes = _first_place(row), row.get("location", {}).get("modes", {})
     wanted = places(model, recording.channels, truth.effects[0].site) if truth.effects else set()
     listed = {place["name"] for place in row.get("location", {}).get("places", [])}
-    claimed = mode_claimed(modes) and (row.get("acts_in") or mode_claimed(modes))
+    alone = mode_claimed(modes)
+    claimed = alone and (row.get("acts_in") or alone)
     judged = truth.kind == "single" and bool(claimed) and truth.mode != "free"
     return {
         "place": next(iter(first), None),

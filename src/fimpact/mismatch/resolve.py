@@ -99,7 +99,8 @@ def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -
 def _placed(member: dict[str, dict], problem: Problem, found: Scales) -> tuple[Placed, ...]:
     placed = []
     for name, values in member.items():
-        effect, site = get_effect(name.split("@")[0]), name.split("@", 1)[1]
+        known, _, site = name.partition("@")
+        effect = get_effect(known)
         sizes = next((p.sizes for p in proposals([effect], problem, found) if p.site == site), {})
         placed.append(Placed(effect, site, dict(values), sizes))
     return tuple(placed)

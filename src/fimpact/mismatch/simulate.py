@@ -101,7 +101,7 @@ class Simulator:
         copies += [copy.copy(model) for _ in range(count - len(copies))]
         return model, copies[:count]
 
-    # Nor need numpy warn of it.
+    # A trial that diverges is an infinite cost, and no news: numpy need not warn of it.
     @np.errstate(over="ignore", invalid="ignore")
     def predict(self, hypothesis, windows: Windows, qpos, qvel, push: np.ndarray | None = None) -> np.ndarray:
         """Measurements, (w, T, ny), from states qpos (w, nq), qvel (w, nv) at the start of each window.
