@@ -7,7 +7,7 @@ import numpy as np
 from fimpact.concealed.motions import Motion, draw_motion
 from fimpact.concealed.plants import PLANTS
 from fimpact.concealed.rigs import CLOCK, RIGS, Rig, rig_of
-from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, seen, set_stage
+from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, glance, seen, set_stage
 from fimpact.concealed.strangers import STRANGERS, known
 from fimpact.concealed.truth import Planted, Truth, clean, measure, slips
 from fimpact.concealed.twins import TWINS
@@ -16,9 +16,10 @@ from fimpact.recordings import Recording, Run
 KINDS = ("single", "null", "double", "outside", "twin")
 LAMBDA = {"single": (3.0, 3000.0), "double": (30.0, 3000.0), "outside": (30.0, 3000.0), "twin": (30.0, 300.0)}
 HIDDEN = 0.9  # concealment that half of the cases insist on
-INDISTINCT = 4.0  # non-centrality below which even an oracle cannot tell two effects apart
-ATTEMPTS = 24
+ALIKE, INDISTINCT = 0.9, 4.0  # cosine above, and non-centrality below, which no oracle can tell two effects apart
+ATTEMPTS = {"twin": 8}  # draws of a case, 24 where nothing else is said: some twins hardly any motion makes
 INSISTENCE = 4  # draws for which half of the cases insist on being hidden
+SHARED = 3  # the part of the draws that share their target
 
 
 def draw_case(
@@ -38,26 +39,33 @@ def draw_case(
     if kind not in KINDS:
         raise ValueError(f"no kind is called {kind!r}; there are {', '.join(KINDS)}")
     low, high = (LAMBDA | (spans or {})).get(kind, (1.0, 1.0))
-    for attempt in range(ATTEMPTS):
+    attempts = ATTEMPTS.get(kind, 24)
+    for attempt in range(attempts):
         rng = np.random.default_rng([seed, index, KINDS.index(kind), attempt])
         # The first attempts share their target, or hidden and faint effects would crowd out strong ones.
-        aim = np.random.default_rng([seed, index, KINDS.index(kind), 99 if attempt < ATTEMPTS // 3 else attempt])
+        shared = attempt < attempts // SHARED
+        aim = np.random.default_rng([seed, index, KINDS.index(kind), 99 if shared else attempt])
         target = float(np.exp(aim.uniform(np.log(low), np.log(high))))
         try:
             return _draw(rng, index, kind, system, target, attempt, (seed, index, KINDS.index(kind), attempt))
         except Unfit:
             continue
-    raise ValueError(f"case {index} ({kind}, {system or 'any rig'}) found no fit in {ATTEMPTS} draws; try another seed")
+    raise ValueError(f"case {index} ({kind}, {system or 'any rig'}) found no fit in {attempts} draws; try another seed")
 
 
 def _draw(rng, index, kind, system, target, attempt, seed):
     rig, choice, style = _choose(rng, index, kind, system)
     motion = draw_motion(rig, rng, style, _dof(rig, choice))
-    stage, nuisance = _nuisance(rng, rig, motion)
-    traces = tuple(_place(rng, stage, name, site, target) for name, site in choice[: 2 if kind == "double" else 1])
+    stiff = max((known(name).stiff for name, _ in choice), default=1)
+    stage, nuisance = _nuisance(rng, replace(rig, coarse=rig.coarse * stiff), motion)
+    forms = [_form(rng, stage, name, site) for name, site in choice]
+    if kind == "twin":
+        _look(stage, choice, forms, target)
+    own = list(zip(choice, forms, strict=True))[: 2 if kind == "double" else 1]
+    traces = tuple(fit_size(stage, *place, known(place[0]), *form, target) for place, form in own)
     rival, together = None, _together(stage, traces)
     if kind == "twin":
-        rival, cosine, left = _rival(rng, stage, choice, traces[0])
+        rival, cosine, left = _rival(stage, choice[1], forms[1][0], traces[0])
         together |= {"cosine": cosine, "left": left}
     if kind == "single" and index % 2 and attempt < INSISTENCE and together["kappa"] < HIDDEN:
         raise Unfit("not hidden enough")
@@ -122,11 +130,10 @@ def _nuisance(rng, rig: Rig, motion: Motion) -> tuple[Stage, dict]:
     }
 
 
-def _place(rng, stage: Stage, name: str, site: str, target: float) -> Trace:
+def _form(rng, stage: Stage, name: str, site: str) -> tuple[dict, float]:
+    """Numbers that stay fixed while an effect's size is sought, and its sign."""
     plant = known(name)
-    shape = plant.shape(rng, stage.rig, stage.motion, site)
-    sign = -1.0 if plant.signed and rng.random() < 0.5 else 1.0
-    return fit_size(stage, name, site, plant, shape, sign, target)
+    return plant.shape(rng, stage.rig, stage.motion, site), -1.0 if plant.signed and rng.random() < 0.5 else 1.0
 
 
 def _together(stage, traces) -> dict:
@@ -147,16 +154,31 @@ def _planted(stage: Stage, site: str, found: Trace, name: str) -> Planted:
     return Planted(name, site, values, lam, kappa, unknown, mode)
 
 
-def _rival(rng, stage, choice, own: Trace) -> tuple[Planted, float, float]:
+def _signs(name: str) -> tuple[float, ...]:
+    return (1.0, -1.0) if known(name).signed else (1.0,)
+
+
+def _look(stage, choice, forms, target) -> None:
+    """Unfit if these two will hardly make twins."""
+    (name, site), (rival, place) = choice
+    own = glance(stage, name, site, known(name), *forms[0], target)
+    others = (glance(stage, rival, place, known(rival), forms[1][0], sign, target) for sign in _signs(rival))
+    if not any(_twins(stage, own, other) for other in others):
+        raise Unfit("the recordings would tell the twins apart")
+
+
+def _twins(stage, own: Trace, other: Trace) -> bool:
+    cosine, left = seen(stage, own, other).left(0, 1)
+    return cosine > ALIKE and left < INDISTINCT
+
+
+def _rival(stage, place, shape, own: Trace) -> tuple[Planted, float, float]:
     """The other twin, sized alike; Unfit unless the recordings cannot tell the two apart."""
-    (name, site), plant = choice[1], known(choice[1][0])
-    shape = plant.shape(rng, stage.rig, stage.motion, site)
-    lam = seen(stage, own).size[0]
-    for sign in (1.0, -1.0) if plant.signed else (1.0,):
-        other = fit_size(stage, name, site, plant, shape, sign, lam)
-        cosine, left = seen(stage, own, other).left(0, 1)
-        if cosine > 0.9 and left < INDISTINCT:
-            return _planted(stage, site, other, name), cosine, left
+    name, site = place
+    for sign in _signs(name):
+        other = fit_size(stage, name, site, known(name), shape, sign, seen(stage, own).size[0])
+        if _twins(stage, own, other):
+            return _planted(stage, site, other, name), *seen(stage, own, other).left(0, 1)
     raise Unfit("the recordings tell the twins apart")
 
 

@@ -16,7 +16,8 @@ class Plant:
 
     put: (world, site, **values). sites: rig -> places. values: (size, **shape) -> values. begin: size at which the
     search begins. most: largest sensible size. shape: (rng, rig, motion, site) -> numbers that stay fixed while the
-    size is sought. signed: the size may be negative. mode: "contact" if it acts in contact only, else "any".
+    size is sought. signed: the size may be negative. mode: "contact" if it acts in contact only, else "any". stiff: by
+    how much finer steps than the naive model's its size is sought: hard stops shiver at that.
     """
 
     put: Callable[..., None]
@@ -27,3 +28,4 @@ class Plant:
     shape: Callable[..., Values] = _shapeless
     signed: bool = False
     mode: str = "any"
+    stiff: int = 1

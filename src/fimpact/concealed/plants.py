@@ -109,7 +109,7 @@ PLANTS = {
     "load_dependent_friction": _joint(joints.load_friction, "coefficient", 0.01, 0.4),
     "dahl": Plant(joints.dahl, _arms(J), _with_shape("friction"), 0.01, 0.6, _drawn(displacement=(0.03, 0.15))),
     "quadratic_damping": _joint(joints.quadratic_damping, "damping", 0.002, 0.3),
-    "backlash": _joint(joints.backlash, "gap", 0.002, 0.15),
+    "backlash": _joint(joints.backlash, "gap", 0.002, 0.15, stiff=8),
     "joint_elasticity": _joint(joints.joint_elasticity, "compliance", 0.001, 0.1),
     "torque_ripple": Plant(
         joints.torque_ripple,

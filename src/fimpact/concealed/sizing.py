@@ -27,6 +27,8 @@ MOVES = 6  # how often the unknowns are moved to imitate an effect
 STILL = 0.01  # relative change of its non-centrality at which they are not moved further
 LEAST = -0.8  # relative error beyond which no unknown is taken: a mass stays positive
 CLOSE, NEAR = 0.08, 0.2  # in log lambda: of the search, and of what is accepted after its tangents are renewed
+RENEWALS, SEARCHES = 5, 7  # of the tangents, and sizes tried with each
+NOTHING = 1e-4  # of the size at which a search begins: what is seen of so little is not the effect
 
 
 class Unfit(Exception):
@@ -124,7 +126,7 @@ def concealment(stage: Stage, found: Trace) -> tuple[float, float]:
 def fit_size(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign: float, target: float) -> Trace:
     """The effect at the size at which its non-centrality is `target`. Raises Unfit."""
     tangent, size = stage.tangent, kind.begin
-    for _ in range(3):
+    for _ in range(RENEWALS):
         size = _search(stage, name, site, kind, shape, sign, target, tangent, size)
         found = trace(stage, name, site, sign * size, kind.values(sign * size, **shape))
         if abs(np.log(max(seen(stage, found).size[0], 1e-9) / target)) < NEAR:
@@ -133,15 +135,25 @@ def fit_size(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sig
     raise Unfit(f"no size of {name} at {site} settles at lambda {target:.3g}")
 
 
+def glance(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign: float, target: float) -> Trace:
+    """As `fit_size`, but with the tangents of the unplanted robot: quick, and good enough to see what is hopeless."""
+    size = _search(stage, name, site, kind, shape, sign, target, stage.tangent, kind.begin)
+    values = kind.values(sign * size, **shape)
+    windows, change = _windows(stage, name, site, values)
+    return Trace(size, values, _imitated(stage, windows, change, stage.tangent), stage.tangent)
+
+
 def _search(stage, name, site, kind, shape, sign, target, tangent, size):
     """Secant steps on log lambda against log size, with fixed tangents."""
     slope, last = 2.0, None
-    for _ in range(7):
+    for _ in range(SEARCHES):
         windows, change = _windows(stage, name, site, kind.values(sign * size, **shape))
         change = _imitated(stage, windows, change, tangent)
         miss = np.log(max(see(stage.rig, tangent, stage.noise, change).size[0], 1e-9) / target)
         if abs(miss) < CLOSE:
             return size
+        if size < NOTHING * kind.begin and miss > 0:
+            raise Unfit(f"{name} at {site} shows more than lambda {target:.3g} at any size")
         if size >= kind.most and miss < 0:
             raise Unfit(f"{name} at {site} would have to be larger than {kind.most:g}")
         if last and last[0] != np.log(size):
