@@ -9,13 +9,12 @@ from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.judge import Bench, again, correct, settle, squares
+from fimpact.mismatch.price import price
 from fimpact.mismatch.problem import Linear, coordinates
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate
 from fimpact.mismatch.simulate import Hypothesis
 
-UNSEEN = 1e-5  # of the sensitivity to another coefficient: rounding
-SHAPE = 4.0  # price of a coefficient that has no meaning without an amplitude
 WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
 SHARPER = 2  # generalised steps from a fit by ordinary least squares
 
@@ -23,13 +22,14 @@ SHARPER = 2  # generalised steps from a fit by ordinary least squares
 @dataclass(frozen=True)
 class Explanation:
     """The effects added, the fit, and the held-out windows under it; deviance: `explain`, or `weigh` where rivals were
-    weighed; weight: its share of belief among its rivals; dispersion: what their deviances were divided by; exact:
-    whether the time step's error was measured here and not where a rival is."""
+    weighed; shaped: what its shapes cost of that; weight: its share of belief among its rivals; dispersion: what their
+    deviances were divided by; exact: whether the time step's error was measured here and not where a rival is."""
 
     placed: tuple[Placed, ...]
     fitted: Fit
     judged: Fit
     deviance: float
+    shaped: float = 0.0
     weight: float = 0.0
     dispersion: float = 1.0
     exact: bool = False
@@ -49,34 +49,9 @@ def explain(fitted: Fit, judged: Fit) -> Explanation:
     """An explanation with its deviance: squares of training and held-out windows, the prior's, and its price."""
     found, free = Explanation(fitted.point.hypothesis.placed, fitted, judged, 0.0), fitted.coordinates
     bent = (((free.read(fitted.point.hypothesis) - free.mean) / free.sd) ** 2).sum()
-    return replace(found, deviance=float(squares(fitted).sum() + squares(judged).sum() + bent + price(found)))
-
-
-def price(explanation: Explanation) -> float:
-    """log(samples) for each amplitude of an effect, as in Schwarz's criterion, and `SHAPE` for each shape, of which
-    data may say little; nothing for what changes nothing at all, as a shift out of the plane of a planar mechanism."""
-    shapes = [c.shape for p in explanation.placed for c in p.effect.coefficients]
-    return float((np.where(shapes, SHAPE, schwarz(explanation)) * seen(explanation)).sum())
-
-
-def schwarz(explanation: Explanation) -> float:
-    """log(samples): what a coefficient costs that the data have chosen."""
-    return float(np.log(sum((part.point.residual != 0).sum() for part in explanation.parts)))
-
-
-def seen(explanation: Explanation) -> np.ndarray:
-    """Whether each coefficient of the effects, (c,), changes anything, compared with others of its effect and unit;
-    what is not fitted counts as seen, unless no probe moves it."""
-    fitted = explanation.fitted
-    sizes = np.sqrt((fitted.linear.projected**2).sum((0, 1)))[fitted.coordinates.unknowns :]
-    size = dict(zip(fitted.coordinates.values, sizes, strict=True))
-    placed = explanation.placed
-    coefficients = [(i, c) for i, p in enumerate(placed) for c in p.effect.coefficients]
-    largest = {}
-    for i, c in coefficients:
-        largest[i, c.unit] = max(size.get((i, c.name), 0.0), largest.get((i, c.unit), 0.0))
-    shown = [size.get((i, c.name), np.inf) > UNSEEN * largest[i, c.unit] for i, c in coefficients]
-    return np.array([s and c.name not in placed[i].held for s, (i, c) in zip(shown, coefficients, strict=True)], bool)
+    return replace(
+        found, deviance=float(squares(fitted).sum() + squares(judged).sum() + bent + sum(price(found.parts)))
+    )
 
 
 def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:

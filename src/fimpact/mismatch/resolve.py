@@ -7,9 +7,10 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
-from fimpact.mismatch.explain import SHAPE, Explanation, explain, schwarz, shapes_of, sizes_of
+from fimpact.mismatch.explain import Explanation, explain, shapes_of, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
+from fimpact.mismatch.price import schwarz
 from fimpact.mismatch.problem import Problem, coordinates
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales
@@ -62,7 +63,7 @@ def _priced(ranked: list[Explanation]) -> list[Explanation]:
 def _cost(rival: Explanation) -> float:
     """Deviance in units of its dispersion, and the price of shapes that the data moved."""
     free = len(rival.fitted.coordinates.values) == sum(len(p.effect.coefficients) - len(p.held) for p in rival.placed)
-    moved = len(shapes_of(rival.placed)) * free * (schwarz(rival) - SHAPE)
+    moved = free * (len(shapes_of(rival.placed)) * schwarz(rival.parts) - rival.shaped)
     return rival.deviance / rival.dispersion + moved
 
 

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.mismatch.colour import FEW, Colour, colour, disturbance, generalised
-from fimpact.mismatch.explain import Explanation, explain, price
+from fimpact.mismatch.explain import Explanation, explain
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, exposed
+from fimpact.mismatch.price import price
 from fimpact.mismatch.pulses import Pulses
 
 STRAY = 9.0  # squares of a window by which another rival's sensitivities must do better to be taken
@@ -17,15 +18,16 @@ MEMBERS, WORDY = 1 / 50, 1 / 10  # weight, relative to the best, above which an 
 
 def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
     """Rivals in falling order of weight, exp(-deviance / 2) with overdispersion, all under the disturbance that the
-    likeliest of them leaves: generalised squares of all windows together, log(samples) for each coefficient of an
-    effect, and what was known before. Held-out windows are predicted as uncertain as the parameters are, by refitting
+    likeliest of them leaves: generalised squares of all windows together, the price of effects, and what was known
+    before. Held-out windows are predicted as uncertain as the parameters are, by refitting
     both sets together."""
     if not rivals:
         return []
     pushing = disturbance(min(rivals, key=lambda r: explain(*r.parts).deviance).fitted, found)
     shades = colour(found, pushing), colour(held_out, pushing)
     optima = [generalised(parts, shades) for parts in steadied([both(bench, r) for r in rivals], shades)]
-    prices = np.array([price(r) + o.bent for r, o in zip(rivals, optima, strict=True)])
+    paid = np.array([price(r.parts, o.covariance) for r, o in zip(rivals, optima, strict=True)])
+    prices = paid.sum(1) + [o.bent for o in optima]
     squares = np.array([o.total - o.bent for o in optima])
     least = int(np.argmin(squares + prices))
     spread = dispersion(rivals[least], optima[least].deviances)
@@ -33,8 +35,8 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     deviance = squares + prices * spread
     raw = np.exp(-(deviance - deviance.min()) / 2 / spread)
     weighted = [
-        replace(r, weight=float(w), deviance=float(d), dispersion=spread)
-        for r, w, d in zip(rivals, raw / raw.sum(), deviance, strict=True)
+        replace(r, weight=float(w), deviance=float(d), shaped=float(s), dispersion=spread)
+        for r, w, d, s in zip(rivals, raw / raw.sum(), deviance, paid[:, 1], strict=True)
     ]
     return sorted(weighted, key=lambda r: r.deviance)
 
@@ -91,11 +93,12 @@ def explained(found: Pulses, naive: Fit, current: Fit) -> float:
     return before - after
 
 
-def predicted(bench: Bench, explanations: Sequence[Explanation], shades: tuple[Colour, Colour]) -> list[float]:
+def predicted(bench: Bench, explanations: Sequence[Explanation], shades: tuple[Colour, Colour]) -> np.ndarray:
     """Squares of the held-out windows as each explanation predicts them from training: what they add to those of
-    training alone."""
+    training alone; and how far it bends what was known before, (2, e)."""
     pairs = steadied([both(bench, e) for e in explanations], shades)
-    return [generalised(fits, shades).total - generalised(fits[:1], shades[:1]).total for fits in pairs]
+    optima = [(generalised(fits, shades), generalised(fits[:1], shades[:1])) for fits in pairs]
+    return np.array([(all_.total - alone.total, all_.bent) for all_, alone in optima]).T
 
 
 def members(best: Explanation, others: list[Explanation]) -> list[Explanation]:
