@@ -8,7 +8,7 @@ import pytest
 from fimpact.concealed.strangers import known
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch.accept import accepted, hopeful, idle, kept
+from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
 from fimpact.mismatch.colour import tempered
 from fimpact.mismatch.name import RIGHT, Naming
 
@@ -65,6 +65,29 @@ def test_the_generalised_optimum_is_taken_only_where_it_keeps_its_word(
     monkeypatch.setattr("fimpact.mismatch.accept.sharpened", arriving("sharp", sharp))
     answer = accepted(SimpleNamespace(bench=bench, pulses=None), rival("none", 300), None)
     assert (answer.name if answer else None, bench.offsets) == (found, offsets)
+
+
+@pytest.mark.parametrize(
+    ("placed", "gain", "relief", "found"),
+    [(1, 20.0, 0.0, True), (1, 5.0, 0.0, False), (1, 0.0, 60.0, True), (1, 20.0, -15.0, False), (0, 1.0, 0.0, True)],
+)
+def test_a_further_effect_explains_more_than_a_trace_or_relieves_what_was_known(
+    monkeypatch, placed, gain, relief, found
+):
+    told = np.array([[500.0, 200.0, 200.0 - gain], [0.0, 100.0, 100.0 - relief]])
+    monkeypatch.setattr("fimpact.mismatch.accept.predicted", lambda *_: told)
+    monkeypatch.setattr("fimpact.mismatch.accept.disturbance", lambda *_: None)
+    monkeypatch.setattr("fimpact.mismatch.accept.colour", lambda *_: None)
+    current, last = SimpleNamespace(placed=[1] * placed), SimpleNamespace(rivals=[SimpleNamespace(fitted=0)], least=1.0)
+    search = SimpleNamespace(pulses=None, held_out=None, bench=None)
+    assert worthwhile(search, None, current, last) is found
+
+
+@pytest.mark.parametrize(("p", "beside"), [(0.005, True), (0.5, False)])
+def test_what_was_called_for_and_refused_may_be_missing(p, beside):
+    best = SimpleNamespace(placed=(1,))
+    naming = Naming(None, [SimpleNamespace(least=p)], best, [], 0.0, (0.0, 0.9), 1.0, None, None)
+    assert naming.beside is beside
 
 
 def test_an_effect_at_its_bound_does_nothing():

@@ -14,12 +14,13 @@ from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.colour import beside, colour, disturbance, generalised
 from fimpact.mismatch.diagnose import diagnose, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
-from fimpact.mismatch.explain import explain, price, refit, seen, sizes_of
+from fimpact.mismatch.explain import explain, refit, sizes_of
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
 from fimpact.mismatch.locate import _modes
 from fimpact.mismatch.name import Naming, build, name
 from fimpact.mismatch.nameless import differences, nameless
+from fimpact.mismatch.price import price, seen
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
@@ -214,6 +215,47 @@ def test_a_lag_shorter_than_a_step_is_read_at_the_instant_of_the_sample():
         assert np.abs(coarse[law] - coarse[0] - effect).max() < 0.2 * np.abs(effect).max()
 
 
+def test_what_gives_between_motor_and_link_is_late_at_the_instant_of_a_command():
+    """However stiff a gear: a force sensor that is read when the command jumps has not yet seen the jump."""
+    recording = record(6, runs=3)
+    torque = "<actuatorfrc name='torque' actuator='motor_1'/></sensor>"
+    recording = replace(recording, xml=recording.xml.replace("</sensor>", torque), channels=("encoder_1", "torque"))
+    windows, simulator = cut(recording.runs, 0), Simulator(recording)
+    starts = np.zeros((len(windows.runs), 2)), np.zeros((len(windows.runs), 2))
+    stiff = Placed(EFFECTS["joint_elasticity"], "joint_1", {"compliance": 1e-12})
+    rigid, late, blind = (
+        simulator.predict(Hypothesis(simulator.theta, placed), windows, *starts)
+        for placed in ((), (stiff,), (replace(stiff, effect=replace(stiff.effect, late=False)),))
+    )
+    np.testing.assert_allclose(late[:, 1:, 1], rigid[:, :-1, 1])
+    assert not late[:, 0, 1].any()
+    np.testing.assert_allclose(blind, rigid, atol=1e-9)
+    encoders = Simulator(replace(recording, channels=("encoder_1",)))
+    signal = encoders._signal(windows, windows.length * encoders.substeps)
+    assert encoders._commands(Hypothesis(encoders.theta, (stiff,)), windows, signal)[1] is None
+
+
+def test_a_window_that_jumps_does_not_outweigh_all_others(nothing, monkeypatch):
+    """An impact that comes a time step earlier shows at one share of a probe and not at others."""
+    problem, fitted = nothing.bench.training, nothing.naming.naive.fitted
+    dry = Placed(EFFECTS["coulomb"], "joint_2", {"friction": 0.01})
+    (plain,) = screen(problem, fitted, [dry])
+    predict = Simulator.predict
+
+    def jumping(self, hypothesis, windows, qpos, qvel, push=None):
+        out = predict(self, hypothesis, windows, qpos, qvel, push)
+        share = sum(p.values["friction"] for p in hypothesis.placed) / 0.01
+        out[(windows.first == 0) & (windows.runs == 0), 5:] += 0.5 * (0.005 < share < 0.02)
+        return out
+
+    monkeypatch.setattr(Simulator, "predict", jumping)
+    (free,) = screen(problem, fitted, [dry])
+    assert free.information > 100 * plain.information
+    monkeypatch.setattr("fimpact.mismatch.score.can_touch", lambda model: True)
+    (calm,) = screen(problem, fitted, [dry])
+    assert calm.information == pytest.approx(plain.information, rel=0.01)
+
+
 def test_a_window_that_is_stuck_is_begun_anew(nothing):
     problem, fitted = nothing.bench.training, nothing.naming.naive.fitted
     qvel = fitted.point.qvel.copy()
@@ -331,8 +373,10 @@ def test_what_changes_nothing_costs_nothing(nothing):
     found = screen(bench.training, current.fitted, [shift, across])
     assert [c.placed for c in found] == [shift]
     explained = refit(bench, current, found[0])
-    assert list(seen(explained)) == [True, True, False]
-    assert price(explained) == pytest.approx(2 * np.log(sum(samples_in(part) for part in explained.parts)))
+    assert list(seen(explained.fitted)) == [True, True, False]
+    one = np.log(sum(samples_in(part) for part in explained.parts))
+    amplitudes, shapes = price(explained.parts)
+    assert one < amplitudes < 2 * one and shapes == 0.0
 
 
 def test_a_linear_effect_is_tried_at_a_small_share_of_its_probe(nothing, monkeypatch):
@@ -372,7 +416,7 @@ def test_what_no_probe_moves_is_held(nothing):
     (candidate,) = screen(bench.training, naive.fitted, [found["cable_pull"]])
     explained = refit(bench, naive, candidate)
     assert found["cable_pull"].held[0] not in [name for _, name in explained.fitted.coordinates.values]
-    assert seen(explained).sum() == 3
+    assert seen(explained.fitted).sum() == 3
 
 
 def moved(explanation, *placed):

@@ -137,6 +137,8 @@ class Effect:
     linear: the law is proportional to its amplitude parameters (all that are not `shape`), so a probe can be scaled.
     contains: names of effects that are special cases of this one.
     touching: it acts only while something touches: a property of the contact, or of the ground.
+    late: at the instant of a command the motors of joint `site` still push the links as before it: what gives between
+    the two has to wind up first. Force sensors that are read at such instants see it, however little gives.
     """
 
     name: str
@@ -154,6 +156,7 @@ class Effect:
     linear: bool = True
     contains: tuple[str, ...] = ()
     touching: bool = False
+    late: bool = False
 
 
 @dataclass(frozen=True)

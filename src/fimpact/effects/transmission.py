@@ -1,7 +1,7 @@
 """Between motor and joint: play, elasticity, ripple and losses.
 
 Backlash and elasticity are quasi-static and seen by a motor-side encoder: what lies between encoder and link is shifted
-by the torque of the moment, the motor's less what turns the rotor itself.
+by the torque before the moment, the motor's less what turns the rotor itself.
 """
 
 import numpy as np
@@ -33,7 +33,10 @@ def _encoder(measured, signal: Signal, site, lead):
     for column, joint in enumerate(signal.joint_of):
         if joint == site and signal.driven_by[column] >= 0:
             turning = signal.rotor[column] * _acceleration(signal.time, out[:, :, column])
-            out[:, :, column] += lead(signal.force[:, :, signal.driven_by[column]] - turning)
+            force = signal.force[:, :, signal.driven_by[column]]
+            # At the instant of a command the gear still gives way to the one before.
+            held = np.concatenate([force[:, :1], force[:, :-1]], axis=1)
+            out[:, :, column] += lead(held - turning)
     return out
 
 
@@ -86,6 +89,7 @@ EFFECTS = (
         probes=_gap_probes,
         law=backlash,
         neutral={"gap": 0.0},
+        late=True,
     ),
     Effect(
         name="joint_elasticity",
@@ -99,6 +103,7 @@ EFFECTS = (
         probes=_compliance_probes,
         law=joint_elasticity,
         neutral={"compliance": 0.0},
+        late=True,
     ),
     Effect(
         name="torque_ripple",

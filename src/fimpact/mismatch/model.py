@@ -20,6 +20,7 @@ from fimpact.effects.native import exporting
 from fimpact.mismatch import player
 from fimpact.mismatch.callback import Bundle, listed
 from fimpact.mismatch.diagnose import Diagnosis, in_words
+from fimpact.mismatch.simulate import late_actuators
 from fimpact.recordings import FIELDS
 
 XML, CALLBACK, ASSETS = "improved.xml", "improved.py", "assets"
@@ -225,6 +226,7 @@ def _constants(diagnosis: Diagnosis) -> dict[str, str]:
     signal = simulator.describe(np.zeros((1, 1)), np.ones((1, 1, base.nu)))
     values = {
         "PERIOD": float(recording.period),
+        "LATE": tuple(late_actuators(base, diagnosis.naming.best.placed)),
         "PAST": _past(diagnosis),
         "CHANNELS": tuple(recording.channels),
         "ACTUATORS": signal.actuators,

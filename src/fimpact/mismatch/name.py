@@ -21,7 +21,7 @@ from fimpact.mismatch.pulses import Pulses, pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
-from fimpact.mismatch.step import ALARM, Search, Step, step, together
+from fimpact.mismatch.step import ALARM, FURTHER, Search, Step, step, together
 from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
 
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
@@ -82,8 +82,10 @@ class Naming:
 
     @property
     def beside(self) -> bool:
-        """Whether a force without a name seems to be there beside the best answer."""
-        return self.nameless[1] <= SEEMING
+        """Whether something without a name seems to be there beside the best answer: a force, or what calls for one of
+        the catalogue though none of it was worth while."""
+        refused = len(self.best.placed) < LARGEST and self.steps[-1].least <= FURTHER
+        return refused or self.nameless[1] <= SEEMING
 
     @property
     def answer_set(self) -> list[str]:

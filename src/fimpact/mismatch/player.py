@@ -11,6 +11,7 @@ from fimpact.effects.base import Signal, State
 # Each law comes with the name of its site and its values.
 EDITS, FORCES, FRICTIONS, COMMANDS, MEASUREMENTS = [], [], [], [], []
 PERIOD = 0.0
+LATE = ()  # numbers of the actuators whose commands do not reach the links at once
 PAST = 0  # rows of commands that actuators with a lag or delay remember
 FINER = 16  # pieces of a step in which a law between command and motor is evaluated
 CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, ROTOR, GAINS = (), (), (), (), (), ()
@@ -86,7 +87,7 @@ def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
     stepper, rows = Stepper(model, data), []
     for k in range(samples * substeps):
         row = min(begin + k, len(drive) - 1)
-        read = stepper.step(drive[row], instant[row] if COMMANDS and k % substeps == 0 else None)
+        read = stepper.step(drive[row], instant[row] if (COMMANDS or LATE) and k % substeps == 0 else None)
         if k % substeps == 0:
             rows.append(read[columns])
     return measurements(np.array(rows), ctrl, first)
@@ -101,7 +102,9 @@ def commands(ctrl, substeps):
     for law, site, values in COMMANDS:
         drive = law(drive, _signal(time, drive), site, **values)
     steps = drive[0].reshape(len(ctrl) * substeps, pieces // substeps, drive.shape[2])
-    return steps.mean(1), steps[:, 0]
+    instant, late = steps[:, 0].copy(), list(LATE)
+    instant[1:, late], instant[:1, late] = steps[:-1, -1, late], 0.0
+    return steps.mean(1), instant
 
 
 def measurements(read, ctrl, first=0):

@@ -13,9 +13,10 @@ import numpy as np
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
-from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.simulate import Hypothesis, can_touch
 
 SMALL = 1e-2  # share of its probe at which a linear effect is tried: in contact no tangent holds for all of it
+OUTWEIGHS, OTHERS, JUMPS = 0.2, (0.2, 5.0), 0.5  # share of the information from which a window is tried at other shares
 INVISIBLE = 1e-3  # standard deviations: a probe that shows less, all samples together, is not a candidate
 
 
@@ -82,17 +83,9 @@ def proposals(effects: Sequence[Effect], problem: Problem, scales: Scales, known
 
 def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed], progress: Callable | None = None) -> list[Candidate]:
     """Score of every proposal at the fitted point; those that change nothing there are left out."""
-    point = fitted.point
-    base = problem.predict(point.hypothesis, point.qpos, point.qvel)
-
-    def tangent(placed, share):
-        added = Hypothesis(point.hypothesis.theta, (*point.hypothesis.placed, _times(placed, share)))
-        change = (problem.predict(added, point.qpos, point.qvel) - base) / share
-        return problem.extend(change[..., None])[..., 0]
-
-    found = []
+    found, secant = [], _Secant(problem, fitted)
     for placed in tried:
-        change = tangent(placed, SMALL if placed.effect.linear else 1.0)
+        change = secant(placed)
         if np.isfinite(change).all():
             found.append(score(problem, fitted, placed, change))
         if progress:
@@ -100,10 +93,45 @@ def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed], progress: Cal
     return [candidate for candidate in found if candidate.information > INVISIBLE**2]
 
 
+class _Secant:
+    """What a probe changes in the whitened prediction, (w, m): a linear effect's from a small share of it."""
+
+    def __init__(self, problem: Problem, fitted: Fit):
+        self.problem, self.point, self.off = problem, fitted.point, fitted.linear.off
+        self.base = problem.predict(self.point.hypothesis, self.point.qpos, self.point.qvel)
+        self.touching = can_touch(problem.simulator.base)
+
+    def __call__(self, placed: Placed) -> np.ndarray:
+        everywhere = np.arange(len(self.base))
+        if not placed.effect.linear:
+            return self._at(placed, 1.0, everywhere)
+        change = self._at(placed, SMALL, everywhere)
+        return self._steady(placed, change) if self.touching and np.isfinite(change).all() else change
+
+    def _at(self, placed: Placed, share: float, rows: np.ndarray) -> np.ndarray:
+        problem, point = self.problem.part(rows), self.point
+        added = Hypothesis(point.hypothesis.theta, (*point.hypothesis.placed, _times(placed, share)))
+        change = (problem.predict(added, point.qpos[rows], point.qvel[rows]) - self.base[rows]) / share
+        return problem.extend(change[..., None])[..., 0]
+
+    def _steady(self, placed: Placed, change: np.ndarray) -> np.ndarray:
+        """`change` less the jumps: a window in which an impact comes a time step earlier may outweigh all others, and
+        says nothing. It shows at one share of the probe and hardly at others."""
+        size = (self.off(change) ** 2).sum(1)
+        rows = np.flatnonzero(size > OUTWEIGHS * size.sum())
+        for share in OTHERS if len(rows) else ():
+            other = change.copy()
+            other[rows] = self._at(placed, share * SMALL, rows)
+            calm = np.nan_to_num((self.off(other) ** 2).sum(1), nan=np.inf) < JUMPS * (self.off(change) ** 2).sum(1)
+            change = np.where(calm[:, None], other, change)
+        return change
+
+
 def _times(placed: Placed, share: float) -> Placed:
-    """The effect with its amplitudes multiplied."""
+    """The effect with its amplitudes multiplied, less what comes at once however small it is: that has no slope."""
     shapes = {c.name for c in placed.effect.coefficients if c.shape}
-    return replace(placed, values={k: v if k in shapes else v * share for k, v in placed.values.items()})
+    values = {k: v if k in shapes else v * share for k, v in placed.values.items()}
+    return replace(placed, effect=replace(placed.effect, late=False), values=values)
 
 
 def rescore(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:

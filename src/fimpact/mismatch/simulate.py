@@ -6,6 +6,7 @@ step for all of them. A secant of that is the sensitivity to anything, through c
 
 import copy
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +21,7 @@ from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS, Recording
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
+DIRECT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)  # transmissions from an actuator to a joint
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
@@ -62,6 +64,9 @@ class Simulator:
         # measure the error of the integrator, and must not simulate a quicker contact.
         self.quickest = 2 * self.base.opt.timestep * refine
         self.columns = np.array([_sensor_column(self.base, name) for name in recording.channels])
+        sensors = [self.base.sensor(name.partition("[")[0]).id for name in recording.channels]
+        # What a sensor of forces or accelerations reads depends on the command of the very moment.
+        self._instant = bool(np.any(self.base.sensor_needstage[sensors] == mujoco.mjtStage.mjSTAGE_ACC))
         count = threads()
         self._engine = Rollout(nthread=count if count > 1 else 0)
         self._data = [mujoco.MjData(self.base) for _ in range(count)]
@@ -198,23 +203,35 @@ class Simulator:
         return Signal(time, ctrl, self.recording.channels, actuators, ctrl * gear, joints, driven, rotor)
 
     def _commands(self, hypothesis: Hypothesis, windows: Windows, signal: Signal) -> tuple:
-        """Mean command over each step, (w, n, nu), and that at its start if a law makes them differ, else None.
+        """Mean command over each step, (w, n, nu), and that at its start if effects make them differ and sensors show
+        it, else None.
 
         A delay or a lag may be shorter than a step: what the motor gives then changes within it, and a force sensor
         that is read at its start knows nothing yet of its end.
         """
         laws = [placed for placed in hypothesis.placed if placed.effect.enters == "command"]
-        if not laws:
+        late = late_actuators(self.base, hypothesis.placed) if self._instant else []
+        if not (laws or late):
             return signal.ctrl, None
         # Whole runs, because a window's first commands depend on those before it.
-        ctrl = np.repeat(windows.ctrl, self.substeps * FINER, 1)
-        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.base.opt.timestep / FINER), ctrl.shape[:2])
+        finer = FINER if laws else 1
+        ctrl = np.repeat(windows.ctrl, self.substeps * finer, 1)
+        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.base.opt.timestep / finer), ctrl.shape[:2])
         for placed in laws:
             ctrl = placed.effect.law(ctrl, self.describe(time, ctrl), placed.site, **placed.values)
-        pieces = ctrl.reshape(len(ctrl), -1, FINER, ctrl.shape[2])
+        pieces = ctrl.reshape(len(ctrl), -1, finer, ctrl.shape[2])
+        instant = pieces[:, :, 0].copy()
+        instant[:, 1:, late], instant[:, :1, late] = pieces[:, :-1, -1, late], 0.0
         steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
         rows = windows.runs[:, None], steps
-        return pieces.mean(2)[rows], pieces[:, :, 0][rows]
+        return pieces.mean(2)[rows], instant[rows] if self._instant else None
+
+
+def late_actuators(model: mujoco.MjModel, placed: Sequence[Placed]) -> list[int]:
+    """Actuators of joints with an effect that keeps commands from the links at first (`Effect.late`)."""
+    joints = [model.joint(p.site).id for p in placed if p.effect.late]
+    direct = np.isin(model.actuator_trntype, [int(kind) for kind in DIRECT])
+    return np.flatnonzero(direct & np.isin(model.actuator_trnid[:, 0], joints)).tolist()
 
 
 def _act(law: Placed, seen: State, pull: np.ndarray, limits: np.ndarray) -> None:

@@ -63,7 +63,7 @@ class Search:
         weighed = weigh(self.bench, self.pulses, self.held_out, rivals)
         order = [c.placed.effect.name for c in self.candidates]
         even = [r for r in weighed if r.weight >= EVEN * weighed[0].weight]
-        first = min(even, key=lambda r: order.index(r.placed[-1].effect.name), default=None)
+        first = min(even, key=lambda r: sorted(order.index(p.effect.name) for p in r.placed), default=None)
         return sorted(weighed, key=lambda r: r is not first)
 
     def compared(self, rivals: list[Explanation]) -> list[Explanation]:
