@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -386,6 +387,17 @@ def test_readings_between_samples():
     rig = RIGS["ball"]
     alone = EFFECTS["sensor_delay"].law(np.ones((1, 1, 3)), rig.signal(np.zeros((1, 1, 0))), "place", delay=0.1)
     np.testing.assert_array_equal(alone, np.ones((1, 1, 3)))
+
+
+def test_a_clock_that_drifts_counts_from_the_first_command_or_sample():
+    """A window late in a run is read elsewhere where commands tell the time, and only stretched where nothing does."""
+    time, line = 100.0 + np.arange(6.0)[None], np.repeat(np.arange(6.0)[None, :, None], 3, axis=2)
+    thrown = replace(RIGS["ball"].signal(np.zeros((1, 6, 0))), time=time)
+    read = EFFECTS["clock_drift"].law(line, thrown, "place", rate=0.01)
+    np.testing.assert_allclose(read[0, :, 0], 0.99 * np.arange(6.0))
+    driven = replace(thrown, actuators=("motor",))
+    read = EFFECTS["clock_drift"].law(line, driven, "place", rate=0.01)
+    np.testing.assert_allclose(read[0, :, 0], 0.99 * np.arange(6.0) - 1.0)
 
 
 def test_measurement_sites_name_their_columns():

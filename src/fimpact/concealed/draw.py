@@ -17,9 +17,9 @@ KINDS = ("single", "null", "double", "outside", "twin")
 LAMBDA = {"single": (3.0, 3000.0), "double": (30.0, 3000.0), "outside": (30.0, 3000.0), "twin": (30.0, 300.0)}
 HIDDEN = 0.9  # concealment that half of the cases insist on
 ALIKE, INDISTINCT = 0.9, 4.0  # cosine above, and non-centrality below, which no oracle can tell two effects apart
-ATTEMPTS = {"twin": 8}  # draws of a case, 24 where nothing else is said: some twins hardly any motion makes
+ATTEMPTS = {"twin": 4}  # draws of a case, 24 where nothing else is said: some twins hardly any motion makes
 INSISTENCE = 4  # draws for which half of the cases insist on being hidden
-SHARED = 3  # the part of the draws that share their target
+SHARED = 3  # one in so many draws, the first, share their target
 
 
 def draw_case(

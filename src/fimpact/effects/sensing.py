@@ -31,8 +31,10 @@ def sensor_delay(measured, signal: Signal, site, delay):
 
 
 def clock_drift(measured, signal: Signal, site, rate):
-    """What the log stamps with t was measured when (1 - rate) t had passed on the clock of the commands."""
-    return _read_at(measured, signal, site, signal.time * (1 - rate))
+    """What the log stamps with t was measured when (1 - rate) t had passed on the clock of the commands. Where nothing
+    is commanded there is no such clock, and any motion may begin at any time: it counts from the first sample."""
+    since = signal.time if signal.actuators else signal.time - signal.time[:, :1]
+    return _read_at(measured, signal, site, signal.time - rate * since)
 
 
 def misalignment(measured, signal: Signal, site, turn_x, turn_y, turn_z):
