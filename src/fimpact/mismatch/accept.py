@@ -14,7 +14,7 @@ from fimpact.mismatch.step import Search, Step
 from fimpact.mismatch.weigh import predicted, weigh
 
 TRACE = 0.03  # share of what there was to explain that is not worth a further effect
-SURE, CHANCE = 1e-3, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
+SURE, CHANCE = 5e-4, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
 TRIES, SLACK = 3, 0.01  # rivals that are sharpened in a round; share of the held-out squares that is chance
 
 

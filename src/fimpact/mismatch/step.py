@@ -20,7 +20,8 @@ from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
 from fimpact.mismatch.weigh import weigh
 
-ALARM = 0.03  # family-wise probability of finding a named effect where nothing is missing; CERTAIN comes on top of that
+ALARM = 0.02  # family-wise probability of finding a named effect where nothing is missing; CERTAIN comes on top of that
+SEEN = 4.0  # times its p counts that of a judge who has seen what the strongest candidate leaves
 FURTHER = 0.01  # the same for each further effect
 REFITS = 8  # candidates that are truly refitted in each step
 EASY, MORE = 20, 24  # windows up to which that costs little, and how many are refitted then
@@ -86,7 +87,8 @@ def step(search: Search, current: Explanation, least: float = 0.0, refits: int =
         return Step([], np.zeros(0), [])
     # What one step leaves of a large effect is no disturbance: there the disturbance before it is the better judge.
     judges = (fitted, screened), _beside(search, current.fitted, screened)
-    p = np.minimum(*(family_p(search.pulses, *judge) for judge in judges))
+    alone, apart = (family_p(search.pulses, *judge) for judge in judges)
+    p = np.minimum(alone, SEEN * apart)
     found = Step(screened, p, [])
     if found.least > (FURTHER if current.placed else ALARM) or screened[0].gain < least:
         return found
