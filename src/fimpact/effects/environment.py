@@ -85,6 +85,20 @@ def _tilt_probes(scales, model, site):
 
 EFFECTS = (
     Effect(
+        name="quadratic_damping",
+        family="environment",
+        equation="τ = −d |q̇| q̇",
+        sentence="A joint that churns oil or fans air, and is braked with the square of its speed.",
+        reference="MuJoCo documentation, XML reference, joint damping",
+        enters="model",
+        coefficients=(Coefficient("damping", "N m s²/rad²", low=0.0),),
+        sites=sites.joints,
+        probes=_damping_probes,
+        law=quadratic_damping,
+        neutral={"damping": 0.0},
+        export=exporting(quadratic_damping),
+    ),
+    Effect(
         name="linear_drag",
         family="environment",
         equation="F = −c v, at the body's centre of mass",
@@ -109,20 +123,6 @@ EFFECTS = (
         probes=_drag_probes(2),
         law=quadratic_drag,
         neutral={"coefficient": 0.0},
-    ),
-    Effect(
-        name="quadratic_damping",
-        family="environment",
-        equation="τ = −d |q̇| q̇",
-        sentence="A joint that churns oil or fans air, and is braked with the square of its speed.",
-        reference="MuJoCo documentation, XML reference, joint damping",
-        enters="model",
-        coefficients=(Coefficient("damping", "N m s²/rad²", low=0.0),),
-        sites=sites.joints,
-        probes=_damping_probes,
-        law=quadratic_damping,
-        neutral={"damping": 0.0},
-        export=exporting(quadratic_damping),
     ),
     Effect(
         name="ground_height",
