@@ -128,7 +128,8 @@ def _against_size(ax: Axes, planted: pd.DataFrame) -> None:
     ax.axvline(VISIBLE, color=MUTED, linewidth=0.6, zorder=0)
     ax.set(xscale="log", xlabel="effect size: oracle's non-centrality λ", title="Detection against size")
     set_ticks(ax.xaxis, EDGES.tolist(), lambda value: f"{value:,.0f}")
-    ax.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.08))
+    # Below: error bars of few cases fill all of the axes.
+    ax.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, columnspacing=1.0)
 
 
 def _against_depth(ax: Axes, visible: pd.DataFrame) -> None:
