@@ -11,6 +11,7 @@ from fimpact.effects.base import Placed
 from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
 from fimpact.mismatch.colour import tempered
 from fimpact.mismatch.name import RIGHT, Naming
+from fimpact.mismatch.step import SEEN, step
 
 SAMPLES = 100
 
@@ -117,3 +118,13 @@ def test_stated_confidence_is_what_such_weights_have_been_worth():
 def test_what_acts_in_contact_only_is_known_as_such():
     for name, effect in EFFECTS.items():
         assert effect.touching == (known(name).mode == "contact"), name
+
+
+def test_a_judge_that_has_seen_the_strongest_candidate_counts_for_less(monkeypatch):
+    told = iter([np.array([0.5, 0.001]), np.array([0.004, 0.2])])  # beside nothing, and beside what is left
+    for name in ("coloured", "_by_gain", "_beside"):
+        monkeypatch.setattr(f"fimpact.mismatch.step.{name}", lambda *_: [SimpleNamespace(gain=0.0, allowed=True)] * 2)
+    monkeypatch.setattr("fimpact.mismatch.step.family_p", lambda *_: next(told))
+    search = SimpleNamespace(bench=None, candidates=(), pulses=None)
+    found = step(search, SimpleNamespace(placed=(), fitted=None), least=1.0)
+    np.testing.assert_allclose(found.p, [SEEN * 0.004, 0.001])

@@ -33,7 +33,7 @@ def price(fits: tuple["Fit", ...], covariance: np.ndarray | None = None) -> tupl
     shown, amplitudes, shapes = iter(seen(fitted)), 0.0, 0.0
     for i, placed in enumerate(fitted.point.hypothesis.placed):
         counted = [c for c in placed.effect.coefficients if next(shown)]
-        for unit in {c.unit for c in counted if not c.shape}:
+        for unit in dict.fromkeys(c.unit for c in counted if not c.shape):
             rows = [row.get((i, c.name)) for c in counted if c.unit == unit and not c.shape]
             values = np.array([placed.values[c.name] for c in counted if c.unit == unit and not c.shape])
             amplitudes += most + _further(values, rows, covariance, most)
