@@ -149,10 +149,12 @@ def pairs_of(model: mujoco.MjModel, geom: int) -> list[int]:
 
 
 def partners(model: mujoco.MjModel, geom: int) -> list[int]:
-    """Geoms on other bodies that touch `geom` without an explicit pair, one of the two moving."""
+    """Geoms on other bodies that touch `geom` without an explicit pair, which would replace that, one of the two
+    moving."""
+    listed = [i for pair in pairs_of(model, geom) for i in (model.pair_geom1[pair], model.pair_geom2[pair])]
     meets = (model.geom_contype & model.geom_conaffinity[geom]) | (model.geom_conaffinity & model.geom_contype[geom])
     weld = model.body_weldid[model.geom_bodyid]
-    return np.flatnonzero((meets != 0) & (weld != weld[geom])).tolist()
+    return np.setdiff1d(np.flatnonzero((meets != 0) & (weld != weld[geom])), listed).tolist()
 
 
 def round_geoms(model: mujoco.MjModel, body: int) -> list[int]:
