@@ -20,6 +20,7 @@ from fimpact.mismatch.pulses import Pulses
 DRAWS = 4000
 SMALLEST = -600.0  # log of the smallest tail probability that is told from zero
 USED = 1e-6  # of the largest singular value; below it a force changes nothing
+NEGLIGIBLE = 1e-5  # of the largest variance of joint scores: what is smaller moves none of them
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,8 @@ def _joint_draws(columns: np.ndarray, seed: int) -> np.ndarray:
     """Scores of noise, (DRAWS, c), correlated as the columns are."""
     unit = columns / np.sqrt((columns**2).sum(0))
     values, vectors = np.linalg.eigh(unit.T @ unit)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    used = values > NEGLIGIBLE * values[-1]
+    values, root = values[used], vectors[:, used] * np.sqrt(values[used])
     return np.random.default_rng(seed).standard_normal((DRAWS, len(values))) @ root.T
 
 
