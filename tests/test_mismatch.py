@@ -352,7 +352,7 @@ def test_only_what_comes_near_the_likeliest_gets_numerics_of_its_own(monkeypatch
     monkeypatch.setattr(Search, "ranked", ranked)
     monkeypatch.setattr("fimpact.mismatch.step.corrected", corrected)
     search = Search(None, (), None, None, print)
-    found = search.compared([rival("a", 0.0), rival("b", 60.0), rival("c", 50.0), rival("d", np.inf)])
+    found = search.compared([rival("a", 0.0), rival("b", 58.0), rival("c", 50.0), rival("d", np.inf)])
     assert asked == ["a", "c", "b"] and [r.name for r in found] == ["c", "a", "b"]
     asked.clear()
     assert [r.name for r in search.compared([rival("a", 0.0), rival("b", 90.0)])] == ["a", "b"] and asked == ["a"]

@@ -30,8 +30,8 @@ PAIRS = 4  # pairs refitted of each ranking, where no single candidate is worth 
 RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
-CLOSE = 1e-6  # weight, relative to the likeliest, above which the error of the time step could change the order
-EVEN = 0.5  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
+CLOSE = 1e-4  # weight, relative to the likeliest, above which the error of the time step could change the order
+EVEN = 0.8  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
 
 @dataclass(frozen=True)

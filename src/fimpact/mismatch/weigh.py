@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.mismatch.colour import FEW, Colour, colour, disturbance, generalised
+from fimpact.mismatch.colour import FEW, Colour, Generalised, colour, disturbance, generalised
 from fimpact.mismatch.explain import Explanation, explain
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, exposed
@@ -26,11 +26,13 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     pushing = disturbance(min(rivals, key=lambda r: explain(*r.parts).deviance).fitted, found)
     shades = colour(found, pushing), colour(held_out, pushing)
     optima = [generalised(parts, shades) for parts in steadied([both(bench, r) for r in rivals], shades)]
-    paid = np.array([price(r.parts, o.covariance) for r, o in zip(rivals, optima, strict=True)])
-    prices = paid.sum(1) + [o.bent for o in optima]
-    squares = np.array([o.total - o.bent for o in optima])
-    least = int(np.argmin(squares + prices))
+    bent = np.array([o.bent for o in optima])
+    squares = np.array([o.total for o in optima]) - bent
+    least = int(np.argmin(squares + bent + _paid(rivals, optima, 1.0).sum(1)))
     spread = dispersion(rivals[least], optima[least].deviances)
+    # Data that say less know less of shapes.
+    paid = _paid(rivals, optima, spread)
+    prices = paid.sum(1) + bent
     # What data say is divided by their dispersion, prices and priors are not (quasi-likelihood, Burnham & Anderson).
     deviance = squares + prices * spread
     raw = np.exp(-(deviance - deviance.min()) / 2 / spread)
@@ -39,6 +41,11 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
         for r, w, d, s in zip(rivals, raw / raw.sum(), deviance, paid[:, 1], strict=True)
     ]
     return sorted(weighted, key=lambda r: r.deviance)
+
+
+def _paid(rivals: list[Explanation], optima: list[Generalised], spread: float) -> np.ndarray:
+    """Price of amplitudes and of shapes, (r, 2), where variances are `spread` times those of the optima."""
+    return np.array([price(r.parts, spread * o.covariance) for r, o in zip(rivals, optima, strict=True)])
 
 
 def steadied(rivals: Sequence[tuple[Fit, ...]], shades: Sequence[Colour]) -> list[list[Fit]]:
