@@ -10,7 +10,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
 from fimpact.mismatch.colour import tempered
-from fimpact.mismatch.name import HEDGED, RIGHT, Naming
+from fimpact.mismatch.name import DOUBTED, HEDGED, RIGHT, Naming
 from fimpact.mismatch.step import SEEN, step
 
 SAMPLES = 100
@@ -102,10 +102,11 @@ def test_an_effect_at_its_bound_does_nothing():
     assert not idle(explained(spring, one_way))
 
 
-def naming(*weights, nameless=1.0):
+def naming(*weights, nameless=1.0, left=0.0):
     members = [SimpleNamespace(name=f"name {i}", weight=w) for i, w in enumerate(weights)]
-    steps, best = [SimpleNamespace(least=1.0)], SimpleNamespace(placed=(1,))
-    return Naming(None, steps, best, members, 0.0, (1.0, nameless), 1.0, np.zeros((0, 0)), None)
+    steps, best = [SimpleNamespace(least=1.0)], SimpleNamespace(placed=(1,), name="name 0")
+    pulses = SimpleNamespace(time=range(20))
+    return Naming(None, steps, best, members, left, (1.0, nameless), 1.0, np.zeros((0, 0)), pulses)
 
 
 def test_stated_confidence_is_what_such_weights_have_been_worth():
@@ -114,7 +115,13 @@ def test_stated_confidence_is_what_such_weights_have_been_worth():
     assert several["name 0"] == pytest.approx(RIGHT[0] + RIGHT[1] / 2)
     assert several["name 1"] / several["name 2"] == pytest.approx(1.5)
     assert sum(several.values()) <= 1.0 + 1e-12
-    assert naming(1.0, nameless=0.04).confidence == {"name 0": pytest.approx(HEDGED * sum(RIGHT))}
+    assert naming(1.0, nameless=0.04, left=0.3).confidence == {"name 0": pytest.approx(HEDGED * sum(RIGHT))}
+    assert naming(1.0, left=0.3).confidence == {"name 0": pytest.approx(DOUBTED * sum(RIGHT))}
+
+
+def test_an_answer_that_leaves_a_quarter_says_so():
+    assert naming(1.0, left=0.3).answer_set == ["name 0", "unnamed"]
+    assert naming(1.0, left=0.2).answer_set == ["name 0"]
 
 
 def test_what_acts_in_contact_only_is_known_as_such():

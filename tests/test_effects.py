@@ -451,6 +451,21 @@ def test_planar_flight_has_no_joint_friction():
     assert sites.joints(mujoco.MjModel.from_xml_string(driven)) == ["x", "z", "turn"]
 
 
+def test_a_contact_that_a_pair_lists_is_listed_once():
+    """MuJoCo makes no further contact of the two geoms, though their types allow it."""
+    xml = """<mujoco><worldbody><geom name="table" type="plane" size="1 1 1"/><body name="cube"><freejoint/>
+    <geom name="cube" type="box" size=".1 .1 .1"/></body></worldbody>%s</mujoco>"""
+    pair = '<contact><pair name="cube_table" geom1="cube" geom2="table"/></contact>'
+    alone, listed = (mujoco.MjModel.from_xml_string(xml % more) for more in ("", pair))
+    assert sites.contacts(alone) == ["table"] and sites.contacts(listed) == ["cube_table"]
+    assert sites.grounds(listed) == ["table"]
+
+
+def test_a_scale_of_what_is_read_is_suspected_before_gravity():
+    order = list(EFFECTS)
+    assert order.index("sensor_scale") < order.index("gravity_scale")
+
+
 def test_one_pair_of_several_and_the_ground_of_all():
     """A pair is edited alone; its ground stands for all its pairs."""
     more = ARM.replace("</contact>", '<pair name="arm_ground" geom1="ground" geom2="bar"/></contact>')

@@ -8,6 +8,7 @@ import pytest
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.price import STATED, price
+from fimpact.mismatch.weigh import _paid
 
 SAMPLES = 1000
 ONE = np.log(SAMPLES)
@@ -60,3 +61,10 @@ def test_a_shape_as_it_was_stated_costs_little():
     values = {"friction": 0.3, "displacement": 0.02}
     stated = fitted("dahl", values, {"friction": 0.01}, {"friction": 0.1, "displacement": 0.1}, free=["friction"])
     assert price((stated,)) == pytest.approx((ONE, STATED))
+
+
+def test_dispersed_data_know_less_of_a_shape():
+    values, sizes = {"friction": 0.3, "displacement": 0.02}, {"friction": 0.1, "displacement": 0.1}
+    known = fitted("dahl", values, {"friction": 0.01, "displacement": 0.05}, sizes)
+    rival, optimum = SimpleNamespace(parts=(known,)), SimpleNamespace(covariance=known.covariance)
+    assert _paid([rival], [optimum], 16.0) == pytest.approx(np.array([[ONE, np.log(1 + 0.5**2)]]))

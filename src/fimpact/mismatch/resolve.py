@@ -31,10 +31,11 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     Args:
         members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them.
     """
-    added = [replace(run, held_out=False) for run in added]
+    added, naive = [replace(run, held_out=False) for run in added], None
     for attempt in range(PASSES + 1):
         made = bench(replace(recording, runs=(*recording.training, *added, *recording.held_out)))
-        naive = base_fit(made, coordinates(made.training.simulator), Hypothesis(made.training.simulator.theta))
+        begin = naive[0].point.hypothesis if naive else Hypothesis(made.training.simulator.theta)
+        naive = base_fit(made, coordinates(made.training.simulator), begin)
         rivals = [_refitted(made, naive, member) for member in members]
         lost = _stray(made, rivals, made.training.windows.runs >= len(recording.training))
         if attempt == PASSES or not lost.any():
