@@ -8,6 +8,8 @@ import pytest
 
 from fimpact.cli import main
 from fimpact.effects import EFFECTS
+from fimpact.effects.own import load_effects
+from fimpact.mismatch.callback import Bundle
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 
@@ -41,10 +43,39 @@ def test_the_example_leaves_a_page_and_a_better_model(made):
     assert "frictionloss" in (made / "improved.xml").read_text()
 
 
-def test_an_effect_of_ones_own_is_a_function_and_a_registry_line():
-    text = re.search(r"### Add an effect of your own\n\n```python\n(.*?)```", README, re.S)[1]
-    try:
-        exec(text, {})
-        assert EFFECTS["magnet"].law is not None
-    finally:
-        EFFECTS.pop("magnet", None)
+@pytest.fixture
+def catalogue():
+    before = dict(EFFECTS)
+    yield EFFECTS
+    EFFECTS.clear()
+    EFFECTS.update(before)
+
+
+def test_an_effect_of_ones_own_is_a_function_and_a_registry_line(catalogue, tmp_path, capsys):
+    """README's file, as `--effects` takes it; an exported model takes the source of its law along."""
+    text = re.search(r"### Add an effect of your own\n.*?```python\n(.*?)```", README, re.S)[1]
+    (tmp_path / "magnet.py").write_text(text)
+    assert load_effects(tmp_path / "magnet.py") == ["magnet"]
+    assert main(["effects"]) == 0 and "magnet  " in capsys.readouterr().out
+    bundle = Bundle({})
+    assert bundle.add(catalogue["magnet"].law) == "magnet" and "1 + (position / 0.05) ** 2" in bundle.text()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "is not a file"),
+        ("x = 1", "adds no effect"),
+        ("import fimpact.nothing", "ModuleNotFoundError"),
+        ("EFFECTS[", "SyntaxError"),
+    ],
+)
+def test_a_file_that_adds_nothing_gets_one_line(made, catalogue, tmp_path, capsys, text, said):
+    path, before = tmp_path / "own.py", dict(catalogue)
+    if text:
+        path.write_text(text)
+    out = tmp_path / "page"
+    assert main(["diagnose", str(made.parent / "case.yaml"), "--effects", str(path), "--out", str(out)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and said in lines[0] and "own.py" in lines[0]
+    assert catalogue == before and not out.exists()

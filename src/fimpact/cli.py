@@ -1,9 +1,10 @@
-"""The command `fimpact`: check a case, write a first one, diagnose one.
+"""The command `fimpact`: check a case, write a first one, diagnose one, list what can be found.
 
 argparse, because it ends with exit code 2 on bad usage as everything here does on bad input, and needs no dependency.
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -30,6 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return options.run(options) or 0
     except (CaseError, ValueError) as error:
         print(f"fimpact: {' '.join(str(error).split())}", file=sys.stderr)
+    except BrokenPipeError:  # whoever read the list has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except OSError as error:
         print(f"fimpact: {error.filename or 'a file'}: {error.strerror or reason(error)}", file=sys.stderr)
     except KeyboardInterrupt:
@@ -55,7 +59,10 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("case", type=Path, metavar="CASE.yaml")
     diagnose.add_argument("--data", **data)
     diagnose.add_argument("--out", type=Path, metavar="DIR", help="default: results/recordings/CASE")
+    diagnose.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
     diagnose.set_defaults(run=_diagnose)
+    catalogue = commands.add_parser("effects", help="list the physics that a model may be found to lack")
+    catalogue.set_defaults(run=_effects)
     return parser
 
 
@@ -89,9 +96,19 @@ def _diagnose(options: argparse.Namespace) -> None:
 
     out = options.out or Path("results") / "recordings" / options.case.stem
     progress = partial(print, file=sys.stderr, flush=True)
-    found, page = diagnose_recording(options.case, options.data, out, progress)
+    found, page = diagnose_recording(options.case, options.data, out, progress, options.effects)
     print(f"page: {page}")
     print(found.verdict)
+
+
+def _effects(options: argparse.Namespace) -> None:
+    from fimpact.effects import EFFECTS
+
+    width = max(map(len, EFFECTS))
+    for family in dict.fromkeys(effect.family for effect in EFFECTS.values()):
+        print(family)
+        for effect in (e for e in EFFECTS.values() if e.family == family):
+            print(f"  {effect.name:{width}}  {effect.sentence}")
 
 
 if __name__ == "__main__":

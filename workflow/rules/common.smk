@@ -76,7 +76,7 @@ STAGES = {
     "diagnose_recording": [*READ, *LAWS, *NAMING]
     + [f"mismatch/{name}" for name in "discriminate per_run separate shape".split()]
     + "tables looks scene stage gif motion film added_force report_figures report_look report_where".split()
-    + "experiment report diagnose_recording".split(),
+    + "experiment report diagnose_recording effects/own".split(),
     "compare_recording": [*READ, *OTHERS, *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
     + ["effects/base", "effects/native", "compare_recording"],
     "recordings_summary": ["__init__", "tables", "rig_summary"],
