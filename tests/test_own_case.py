@@ -54,11 +54,12 @@ def catalogue():
 def test_an_effect_of_ones_own_is_a_function_and_a_registry_line(catalogue, tmp_path, capsys):
     """README's file, as `--effects` takes it; an exported model takes the source of its law along."""
     text = re.search(r"### Add an effect of your own\n.*?```python\n(.*?)```", README, re.S)[1]
-    (tmp_path / "magnet.py").write_text(text)
+    shared = text.replace("(position / 0.05) ** 2", "reach(position)")
+    (tmp_path / "magnet.py").write_text("def reach(position):\n    return (position / 0.05) ** 2\n\n\n" + shared)
     assert load_effects(tmp_path / "magnet.py") == ["magnet"]
     assert main(["effects"]) == 0 and "magnet  " in capsys.readouterr().out
     bundle = Bundle({})
-    assert bundle.add(catalogue["magnet"].law) == "magnet" and "1 + (position / 0.05) ** 2" in bundle.text()
+    assert bundle.add(catalogue["magnet"].law) == "magnet" and "(position / 0.05) ** 2" in bundle.text()
 
 
 @pytest.mark.parametrize(
@@ -68,14 +69,15 @@ def test_an_effect_of_ones_own_is_a_function_and_a_registry_line(catalogue, tmp_
         ("x = 1", "adds no effect"),
         ("import fimpact.nothing", "ModuleNotFoundError"),
         ("EFFECTS[", "SyntaxError"),
+        ("from fimpact.effects import EFFECTS\nEFFECTS['half'] = None\nraise OSError('done')", "OSError"),
     ],
 )
 def test_a_file_that_adds_nothing_gets_one_line(made, catalogue, tmp_path, capsys, text, said):
-    path, before = tmp_path / "own.py", dict(catalogue)
+    path, before = tmp_path / "own.py", list(catalogue)
     if text:
         path.write_text(text)
     out = tmp_path / "page"
     assert main(["diagnose", str(made.parent / "case.yaml"), "--effects", str(path), "--out", str(out)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1 and said in lines[0] and "own.py" in lines[0]
-    assert catalogue == before and not out.exists()
+    assert list(catalogue) == before and not out.exists()
