@@ -10,7 +10,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
 from fimpact.mismatch.colour import tempered
-from fimpact.mismatch.name import DOUBTED, HEDGED, RIGHT, Naming
+from fimpact.mismatch.name import DOUBTED, RIGHT, Naming
 from fimpact.mismatch.step import SEEN, step
 
 SAMPLES = 100
@@ -115,7 +115,7 @@ def test_stated_confidence_is_what_such_weights_have_been_worth():
     assert several["name 0"] == pytest.approx(RIGHT[0] + RIGHT[1] / 2)
     assert several["name 1"] / several["name 2"] == pytest.approx(1.5)
     assert sum(several.values()) <= 1.0 + 1e-12
-    assert naming(1.0, nameless=0.04, left=0.3).confidence == {"name 0": pytest.approx(HEDGED * sum(RIGHT))}
+    assert naming(1.0, nameless=0.04).confidence == {"name 0": pytest.approx(DOUBTED * sum(RIGHT))}
     assert naming(1.0, left=0.3).confidence == {"name 0": pytest.approx(DOUBTED * sum(RIGHT))}
 
 
