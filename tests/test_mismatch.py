@@ -527,6 +527,20 @@ def test_the_verdict_names_nothing_for_sure_that_held_out_runs_refuse(friction):
     assert not said.startswith("Missing")
 
 
+@pytest.mark.parametrize(
+    ("p", "left", "said"),
+    [
+        (0.001, 0.1, "Something beside it is missing that the catalogue cannot name."),
+        (0.04, 0.1, "Something beside it may be missing that the catalogue cannot name."),
+        (0.9, 0.3, "These recordings cannot rule out that more is missing."),
+        (0.9, 0.1, "held-out mismatch."),
+    ],
+)
+def test_the_verdict_says_how_sure_it_is_that_this_is_all(friction, p, left, said):
+    naming = replace(friction.naming, nameless=(0.0, p), left=left)
+    assert verdict(naming, friction.recording, friction.location, friction.evidence).endswith(said)
+
+
 def test_the_verdict_tells_what_has_a_name_beside_what_has_none(friction, monkeypatch):
     monkeypatch.setattr(Naming, "answer", "unnamed")
     said = verdict(friction.naming, friction.recording, friction.location, friction.evidence)

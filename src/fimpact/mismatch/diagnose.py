@@ -75,7 +75,9 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     if not evidence.low > 0:
         return f"Something is missing, but the likeliest name does not improve held-out runs: {found}.{unsure}"
     surely = "is" if naming.certain else "may be"
-    more = f" Something beside it {surely} missing that the catalogue cannot name." if naming.beside else ""
+    unknown = f" Something beside it {surely} missing that the catalogue cannot name."
+    open_ = " These recordings cannot rule out that more is missing."
+    more = unknown if naming.seeming else open_ if naming.beside else ""
     return f"Missing: {found}. {share}{unsure}{more}"
 
 

@@ -84,10 +84,15 @@ class Naming:
 
     @property
     def beside(self) -> bool:
-        """Whether something without a name may be there beside the best answer: a force, or what calls for one of the
-        catalogue though none of it was worth while, or much that is left."""
+        """Whether something without a name may be there beside the best answer: it seems so, or much is left."""
+        return self.seeming or self.left > LEFT
+
+    @property
+    def seeming(self) -> bool:
+        """Whether something without a name seems to be there beside the best answer: a force, or what calls for one of
+        the catalogue though none of it was worth while."""
         refused = len(self.best.placed) < LARGEST and self.steps[-1].least <= FURTHER
-        return refused or self.nameless[1] <= SEEMING or self.left > LEFT
+        return refused or self.nameless[1] <= SEEMING
 
     @property
     def answer_set(self) -> list[str]:
