@@ -69,6 +69,7 @@ def test_an_effect_of_ones_own_is_a_function_and_a_registry_line(catalogue, tmp_
         ("x = 1", "adds no effect"),
         ("import fimpact.nothing", "ModuleNotFoundError"),
         ("EFFECTS[", "SyntaxError"),
+        ("from fimpact.effects import EFFECTS\nEFFECTS['half'] = None", "must be an Effect of that name"),
         ("from fimpact.effects import EFFECTS\nEFFECTS['half'] = None\nraise OSError('done')", "OSError"),
     ],
 )

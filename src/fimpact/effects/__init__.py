@@ -7,7 +7,9 @@ from fimpact.effects import actuation, contact, environment, friction, sensing, 
 from fimpact.effects.base import Effect
 
 FAMILIES = (friction, transmission, actuation, structure, environment, contact, sensing)
-EFFECTS: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
+LAST = ("gravity_scale",)  # whoever cannot tell it from a scale of what is read should suspect that first
+_every = [effect for family in FAMILIES for effect in family.EFFECTS]
+EFFECTS: dict[str, Effect] = {effect.name: effect for effect in sorted(_every, key=lambda e: e.name in LAST)}
 
 
 def get_effect(name: str) -> Effect:

@@ -47,6 +47,11 @@ def ground_tilt(model, site, tilt_x, tilt_y):
         stale(model)
 
 
+def gravity_scale(model, site, change):
+    """Gravity, or the length with which it is measured, is off by a factor."""
+    model.opt.gravity *= 1 + change
+
+
 def stale(model) -> None:
     """A geom has moved: MuJoCo's tree of bounding boxes is that of the compiled model, and may miss contacts."""
     model.opt.disableflags |= NO_MIDPHASE
@@ -148,5 +153,19 @@ EFFECTS = (
         law=ground_tilt,
         neutral={"tilt_x": 0.0, "tilt_y": 0.0},
         export=exporting(ground_tilt),
+    ),
+    Effect(
+        name="gravity_scale",
+        family="environment",
+        equation="g' = (1 + ε) g",
+        sentence="Free fall is faster or slower than gravity says: a length scale or a clock is off.",
+        reference=PLACE,
+        enters="model",
+        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
+        sites=sites.heavy,
+        probes=lambda scales, model, site: [{"change": amounts.SMALL / 2}],
+        law=gravity_scale,
+        neutral={"change": 0.0},
+        export=exporting(gravity_scale),
     ),
 )

@@ -8,6 +8,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 from fimpact.effects import EFFECTS
+from fimpact.effects.base import Effect
 
 
 def load_effects(path: Path | str) -> list[str]:
@@ -24,10 +25,11 @@ def load_effects(path: Path | str) -> list[str]:
         raise ValueError(f"{path} is not a file; name the Python file that adds effects to fimpact.effects.EFFECTS")
     try:
         _run(path)
+        added = _added(before)
     except Exception as error:  # whatever the file does wrong is its author's to mend, and gets one line
-        _restore(before)
+        EFFECTS.clear()
+        EFFECTS.update(before)
         raise ValueError(f"{path}: {type(error).__name__}: {error}; run it with python to see where") from None
-    added = [name for name, effect in EFFECTS.items() if before.get(name) is not effect]
     if not added:
         raise ValueError(f"{path} adds no effect; end it with EFFECTS[effect.name] = effect (README shows one)")
     return added
@@ -43,6 +45,9 @@ def _run(path: Path) -> None:
     spec.loader.exec_module(module)
 
 
-def _restore(before: dict) -> None:
-    EFFECTS.clear()
-    EFFECTS.update(before)
+def _added(before: dict[str, Effect]) -> list[str]:
+    new = {name: effect for name, effect in EFFECTS.items() if name not in before or effect is not before[name]}
+    for name, effect in new.items():
+        if not isinstance(effect, Effect) or effect.name != name:
+            raise TypeError(f"EFFECTS[{name!r}] must be an Effect of that name, and is {effect!r:.60}")
+    return list(new)

@@ -5,7 +5,6 @@ import numpy as np
 
 from fimpact.effects import amounts, sites
 from fimpact.effects.base import Coefficient, Effect, Signal
-from fimpact.effects.native import exporting
 from fimpact.effects.sites import component, measured_by
 from fimpact.effects.structure import quaternion
 
@@ -24,11 +23,6 @@ def sensor_scale(measured, signal: Signal, site, change):
     out = np.array(measured, float)
     out[:, :, measured_by(signal.channels, site)] *= 1 + change
     return out
-
-
-def gravity_scale(model, site, change):
-    """Gravity, or the length with which it is measured, is off by a factor."""
-    model.opt.gravity *= 1 + change
 
 
 def sensor_delay(measured, signal: Signal, site, delay):
@@ -173,20 +167,5 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"rate": 0.2 * scales.period / scales.duration}],
         law=clock_drift,
         neutral={"rate": 0.0},
-    ),
-    # Last: whoever cannot tell it from a scale of what is read should suspect that first.
-    Effect(
-        name="gravity_scale",
-        family="sensing",
-        equation="g' = (1 + ε) g",
-        sentence="Free fall is faster or slower than gravity says: a length scale or a clock is off.",
-        reference="Pfrommer, Halm, Posa, ContactNets, CoRL 2020",
-        enters="model",
-        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
-        sites=sites.heavy,
-        probes=lambda scales, model, site: [{"change": amounts.SMALL / 2}],
-        law=gravity_scale,
-        neutral={"change": 0.0},
-        export=exporting(gravity_scale),
     ),
 )

@@ -149,8 +149,8 @@ def pairs_of(model: mujoco.MjModel, geom: int) -> list[int]:
 
 
 def partners(model: mujoco.MjModel, geom: int) -> list[int]:
-    """Geoms on other bodies that touch `geom` without an explicit pair, which would replace that, one of the two
-    moving."""
+    """Geoms on other bodies that `geom` may touch by their types, one of the two moving; where an explicit pair lists
+    both, it replaces that."""
     listed = [i for pair in pairs_of(model, geom) for i in (model.pair_geom1[pair], model.pair_geom2[pair])]
     meets = (model.geom_contype & model.geom_conaffinity[geom]) | (model.geom_conaffinity & model.geom_contype[geom])
     weld = model.body_weldid[model.geom_bodyid]

@@ -74,11 +74,15 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
     if not evidence.low > 0:
         return f"Something is missing, but the likeliest name does not improve held-out runs: {found}.{unsure}"
-    surely = "is" if naming.certain else "may be"
-    unknown = f" Something beside it {surely} missing that the catalogue cannot name."
-    open_ = " These recordings cannot rule out that more is missing."
-    more = unknown if naming.seeming else open_ if naming.beside else ""
-    return f"Missing: {found}. {share}{unsure}{more}"
+    return f"Missing: {found}. {share}{unsure}{_more(naming)}"
+
+
+def _more(naming: Naming) -> str:
+    """Whether a named answer is all."""
+    if naming.seeming:
+        surely = "is" if naming.certain else "may be"
+        return f" Something beside it {surely} missing that the catalogue cannot name."
+    return " These recordings cannot rule out that more is missing." if naming.beside else ""
 
 
 def in_words(naming: Naming, recording: Recording, placed) -> str:
