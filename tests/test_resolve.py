@@ -15,7 +15,7 @@ from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import base_fit, bench
 from fimpact.mismatch.problem import Linear, coordinates
 from fimpact.mismatch.resolve import resolve
-from fimpact.mismatch.separate import MOST, _left, known, separations
+from fimpact.mismatch.separate import MOST, _left, _moved, known, separations
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import members as told_apart
 from fimpact.mismatch.windows import cut
@@ -93,10 +93,10 @@ def test_a_disturbance_hides_what_separates(rivals):
     allowed, told = limits(made, made.training.simulator.recording), known(made, members)
     designs = [allowed.unpack(design) for design in allowed.draw(np.random.default_rng(0), 3)]
     parts = [np.array(part) for part in zip(*designs, strict=True)]
-    quiet = separations(made, members, told, *parts)
+    quiet = separations(made, told, *parts)
     louder = replace(told, pushing=replace(told.pushing, sd=told.pushing.sd + 0.01))
     assert quiet.shape == (3, 1) and (quiet > 0).all()
-    assert (separations(made, members, louder, *parts) < 0.5 * quiet).all()
+    assert (separations(made, louder, *parts) < 0.5 * quiet).all()
 
 
 def test_no_window_alone_separates():
@@ -162,3 +162,16 @@ def test_a_step_that_meets_several_bounds_is_not_worse_than_none():
         step = bounded(hessian, slope, np.ones(3), low, high)
         assert (low <= step).all() and (step <= high).all()
         assert slope @ step - step @ hessian @ step / 2 >= -1e-9
+
+
+def test_unknowns_that_the_recordings_leave_open_separate_nothing(rivals):
+    """The same effect fitted with other lengths and masses is the same explanation."""
+    made, members = rivals
+    fitted, (own, _) = members[0].fitted, known(made, members).information
+    off = 0.01 * fitted.point.hypothesis.theta
+    along = -own[len(off), : len(off)] @ off / own[len(off), len(off)]
+    other = replace(members[0], fitted=_moved(fitted, fitted.point.hypothesis.theta + off, np.array([along])))
+    allowed, told = limits(made, made.training.simulator.recording), known(made, [members[0], other])
+    parts = [part[None] for part in allowed.unpack(allowed.draw(np.random.default_rng(0), 1)[0])]
+    apart = separations(made, known(made, members), *parts)
+    assert (separations(made, told, *parts) < 1e-6 * apart).all()

@@ -16,10 +16,11 @@ from fimpact.recordings import Recording
 KNOTS = 8  # per actuator
 ABRUPT = 0.02  # share of the way between two knots in which the quickest commands change
 POOL = 32  # random experiments to start from, half of them calmer than the limits allow
-POPULATION, GENERATIONS = 16, 16  # of the search that follows
+POPULATION, GENERATIONS = 16, 48  # of the search that follows
 SPREAD = 0.2  # its first steps, of the limits
 NEEDED = 11.0  # non-centrality for 80 % power at 1 %
-ENOUGH, PATIENCE = 4 * NEEDED, 5  # separation of all pairs, and generations without a better one, that end the search
+ENOUGH, PATIENCE = 2.5 * NEEDED, 8  # separation of all pairs, and generations in a row no better, that end the search
+BETTER = 1.02  # times the worth, of an experiment that keeps it going
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def discriminate(bench: Bench, recording: Recording, members: list[Explanation],
     allowed, rng, told = limits(bench, recording), np.random.default_rng(seed), known(bench, members)
 
     def value(designs: np.ndarray) -> np.ndarray:
-        return separations(bench, members, told, *map(np.array, zip(*map(allowed.unpack, designs), strict=True)))
+        return separations(bench, told, *map(np.array, zip(*map(allowed.unpack, designs), strict=True)))
 
     drawn = allowed.draw(rng, POOL)
     pool = np.concatenate([drawn[: POOL // 2], allowed.calmer(rng, drawn[POOL // 2 :])])
@@ -122,7 +123,8 @@ def _search(value, allowed: Limits, best: np.ndarray, pairs: np.ndarray, seed: i
         found = value(allowed.low + asked * span)
         gains = worth(found)
         cma.tell([(point, -gain) for point, gain in zip(asked, gains, strict=True)])
+        last = generation if gains.max() > BETTER * most else last
         if gains.max() > most:
             at = np.argmax(gains)
-            best, pairs, most, last = allowed.low + asked[at] * span, found[at], gains[at], generation
+            best, pairs, most = allowed.low + asked[at] * span, found[at], gains[at]
     return best, pairs

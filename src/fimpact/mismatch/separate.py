@@ -3,8 +3,9 @@
 The non-centrality of k under l is what is left of y_l - y_k when initial states, the clock and the coordinates of k
 have absorbed what they can, each as far as the recordings leave it open, among the disturbance that the recordings
 show and the error of the time step: wild motion magnifies a difference, and with it everything that hides it, so no
-window alone can separate. Shapes stay as they are stated, as `resolve` asks first: a spring may always turn into a
-constant force.
+window alone can separate. All start from the unknowns in which they differ least: what a mass is that the recordings
+leave open is no difference between two effects. Shapes stay as they are stated, as `resolve` asks first: a spring may
+always turn into a constant force.
 """
 
 from dataclasses import dataclass, replace
@@ -27,24 +28,46 @@ MOST = 9.0  # non-centrality that one window may be counted for
 
 @dataclass(frozen=True)
 class Known:
-    """What the recordings say: the disturbance in them, and of each member the information on its coordinates, but for
-    shapes, and on the clock of a further run, (k + 1, k + 1)."""
+    """What the recordings say: the disturbance in them, the members' fits where their unknowns meet, and the
+    information of each on its coordinates, but for shapes, and on the clock of a further run, (k + 1, k + 1)."""
 
     pushing: Disturbance
+    fits: list[Fit]
     information: list[np.ndarray]
 
 
 def known(bench: Bench, members: list[Explanation]) -> Known:
     """What is known before the experiment."""
     found = pulses(bench.training, members[0].fitted)
-    pushing = disturbance(members[0].fitted, found)
-    return Known(pushing, [_information(member.fitted, colour(found, pushing)) for member in members])
+    pushing, fits = disturbance(members[0].fitted, found), [member.fitted for member in members]
+    told = [_information(fitted, colour(found, pushing)) for fitted in fits]
+    return Known(pushing, _meeting(fits, told), [block_diag(own, CLOCK**-2.0) for own in told])
 
 
 def _information(fitted: Fit, shade: Colour) -> np.ndarray:
     scale = np.outer(fitted.scale, fitted.scale)
     own = np.linalg.pinv(generalised([fitted], [shade]).covariance / scale, rcond=1e-12, hermitian=True) / scale
-    return block_diag(own[np.ix_(_sizes(fitted), _sizes(fitted))], CLOCK**-2.0)
+    return own[np.ix_(_sizes(fitted), _sizes(fitted))]
+
+
+def _meeting(fits: list[Fit], told: list[np.ndarray]) -> list[Fit]:
+    """The fits at the unknowns that cost all of them least, effects as large as the recordings say they are there."""
+    count = fits[0].coordinates.unknowns
+    rows = [np.linalg.pinv(own[count:, count:], hermitian=True) @ own[count:, :count] for own in told]
+    weights = [own[:count, :count] - own[:count, count:] @ row for own, row in zip(told, rows, strict=True)]
+    at = [fitted.point.hypothesis.theta for fitted in fits]
+    pull = np.sum([weight @ theta for weight, theta in zip(weights, at, strict=True)], 0)
+    shared = np.linalg.lstsq(np.sum(weights, 0), pull, rcond=1e-12)[0]
+    return [_moved(fitted, shared, -row @ (shared - theta)) for fitted, row, theta in zip(fits, rows, at, strict=True)]
+
+
+def _moved(fitted: Fit, theta: np.ndarray, by: np.ndarray) -> Fit:
+    free, hypothesis = fitted.coordinates, fitted.point.hypothesis
+    z = free.read(hypothesis)
+    z[: free.unknowns] = theta
+    z[_sizes(fitted)[free.unknowns :]] += by
+    moved = free.write(hypothesis, np.clip(z, free.low, free.high))
+    return replace(fitted, point=replace(fitted.point, hypothesis=moved))
 
 
 def _sizes(fitted: Fit) -> list[int]:
@@ -54,36 +77,36 @@ def _sizes(fitted: Fit) -> list[int]:
     return [*range(free.unknowns), *(free.unknowns + np.flatnonzero(~np.array(shapes, bool)))]
 
 
-def separations(bench: Bench, members: list[Explanation], told: Known, ctrl, qpos, qvel) -> np.ndarray:
-    """Non-centrality of each pair of members, the lesser of one under the other and the other under the one, for each
+def separations(bench: Bench, told: Known, ctrl, qpos, qvel) -> np.ndarray:
+    """Non-centrality of each pair of `told` members, the lesser of one under the other and the other under the one, for each
     of n experiments, (n, pairs); 0 where one diverges.
 
     Args:
         ctrl: (n, T, nu). qpos: (n, nq). qvel: (n, nv).
     """
-    problem = _played(bench, members[0], ctrl, qpos, qvel)
-    bare = Hypothesis(members[0].fitted.point.hypothesis.theta)
-    point = problem.evaluate(bare, *problem.starts, NOTHING)
-    shade = _noise(bench, problem, members[0], point, told.pushing)
-    shared = _shared(problem, point, members[0])
-    predicted, linears = zip(*(_member(problem, member.fitted, shared) for member in members), strict=True)
+    first = told.fits[0]
+    problem = _played(bench, first, ctrl, qpos, qvel)
+    point = problem.evaluate(Hypothesis(first.point.hypothesis.theta), *problem.starts, NOTHING)
+    shade = _noise(bench, problem, first, point, told.pushing)
+    shared = _shared(problem, point, first)
+    predicted, linears = zip(*(_member(problem, fitted, shared) for fitted in told.fits), strict=True)
     linears = [shade.apply(linear) for linear in linears]
     sides = [
         [_left(predicted[a] - predicted[b], linears[one], told.information[one], len(ctrl)) for one in (a, b)]
-        for a, b in combinations(range(len(members)), 2)
+        for a, b in combinations(range(len(predicted)), 2)
     ]
     least = np.min(sides, 1).T
     return np.where(np.isfinite(least), least, 0.0)
 
 
-def _played(bench: Bench, member: Explanation, ctrl, qpos, qvel) -> Problem:
+def _played(bench: Bench, member: Fit, ctrl, qpos, qvel) -> Problem:
     """The experiments' windows, cut as the recordings are, from states on the way that `member` predicts."""
     simulator, cut, (count, samples) = bench.training.simulator, bench.training.windows, ctrl.shape[:2]
     length = min(cut.length, samples)
     firsts = np.arange(0, samples - length + 1, length)
     whole = np.zeros((count, samples, cut.measured.shape[2]))
     every = Windows(np.arange(count), np.zeros(count, int), whole, ctrl, ())
-    way = simulator.motion(member.fitted.point.hypothesis, every, qpos, qvel)
+    way = simulator.motion(member.point.hypothesis, every, qpos, qvel)
     path = [np.concatenate([start[:, None], states], 1) for start, states in zip((qpos, qvel), way, strict=True)]
     starts = [states[:, firsts * simulator.substeps].reshape(-1, states.shape[2]) for states in path]
     runs, first = np.repeat(np.arange(count), len(firsts)), np.tile(firsts, count)
@@ -91,16 +114,16 @@ def _played(bench: Bench, member: Explanation, ctrl, qpos, qvel) -> Problem:
     return Problem(simulator, windows, bench.noise, tuple(starts), simulator.recording.start_sd)
 
 
-def _noise(bench: Bench, problem: Problem, member: Explanation, point: Point, pushing: Disturbance) -> Colour:
+def _noise(bench: Bench, problem: Problem, member: Fit, point: Point, pushing: Disturbance) -> Colour:
     """What `pushing` does in the windows of `problem`, whose own noise is raised by the error of the time step."""
     correct(bench, problem, point)
-    shade = colour(pulses(problem, replace(member.fitted, point=point)), pushing)
+    shade = colour(pulses(problem, replace(member, point=point)), pushing)
     return replace(shade, clocks=shade.clocks.sum(2, keepdims=True))
 
 
-def _shared(problem: Problem, point: Point, member: Explanation) -> Linear:
+def _shared(problem: Problem, point: Point, member: Fit) -> Linear:
     """Sensitivities to initial states and unknowns, which effects that hide so well hardly change."""
-    base, free = problem.predict(point.hypothesis, point.qpos, point.qvel), member.fitted.coordinates
+    base, free = problem.predict(point.hypothesis, point.qpos, point.qvel), member.coordinates
     own = free.without(free.values)
     raw = problem.columns(point, own, range(own.unknowns), base)
     return Linear(*problem.starts_at(point, base), raw, raw)
