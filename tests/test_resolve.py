@@ -58,7 +58,7 @@ def test_a_window_that_no_rival_follows_spoils_nothing(recording):
     measured[80:160] += 0.3 * np.sin(np.arange(80) * 0.2)[:, None]
     found = resolve(recording, [replace(run, measured=measured)], [OFFSET, COULOMB])
     assert found[0].name == "coulomb@joint_2" and found[0].weight > 0.99
-    assert found[0].dispersion < 1.5
+    assert found[0].dispersion < 1.5 and found[0].exact
 
 
 def test_a_rival_that_became_its_own_special_case_is_no_rival(recording):

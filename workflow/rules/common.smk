@@ -35,7 +35,10 @@ MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout i
 EFFECTS = (
     "__init__ actuation amounts base contact drives environment friction native sensing sites structure transmission"
 )
-CORE = "__init__ bounded colour evidence explain fit judge player price problem pulses scales score simulate starts windows".split()
+CORE = (
+    "__init__ bounded colour evidence explain fit judge player price problem pulses scales score simulate starts "
+    "tangent windows"
+).split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()

@@ -63,6 +63,7 @@ class State:
 
     qpos (n, nq), qvel (n, nv), ctrl (n, nu), time (n,) since the start of the run, step: s.
     memory: anything a law with a state of its own keeps, by its own key; empty at the start of a window.
+    bodies: what `body` has found, where several laws ask the same states; None: it is not kept.
     """
 
     model: mujoco.MjModel
@@ -72,6 +73,7 @@ class State:
     time: np.ndarray
     step: float
     memory: dict = field(default_factory=dict)
+    bodies: dict | None = None
 
     def joint(self, site: str) -> tuple[int, np.ndarray, np.ndarray]:
         """Degree of freedom, position (n,) and speed (n,) of the hinge or slide joint `site`."""
@@ -80,6 +82,13 @@ class State:
 
     def body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position (n, 3), velocity (n, 3) of the centre of mass of body `site`, and its Jacobian (n, 3, nv)."""
+        if self.bodies is None:
+            return self._body(site)
+        if site not in self.bodies:
+            self.bodies[site] = self._body(site)
+        return self.bodies[site]
+
+    def _body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if "kinematics" not in self.memory:  # making it takes longer than all that follows
             self.memory["kinematics"] = mujoco.MjData(self.model)
         data, body = self.memory["kinematics"], self.model.body(site).id

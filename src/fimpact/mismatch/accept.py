@@ -16,6 +16,7 @@ from fimpact.mismatch.weigh import predicted, weigh
 TRACE = 0.03  # share of what there was to explain that is not worth a further effect
 SURE, CHANCE = 5e-4, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
 TRIES, SLACK = 3, 0.01  # rivals that are sharpened in a round; share of the held-out squares that is chance
+CALM = 1.1  # dispersion up to which disturbances are what they are taken for, and squares in their colour decide
 
 
 def hopeful(best: Explanation, rivals: list[Explanation]) -> list[Explanation]:
@@ -50,13 +51,23 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
     plain = numerics(search.bench, promised)
     own = search.bench.offsets
     found = sharpened(search.bench, search.pulses, plain)
-    if not idle(found) and kept(best, found):
+    if not idle(found) and (kept(best, found) or _kept_among(search, best, found)):
         return found
     if not idle(plain) and kept(best, plain):
         search.bench.restore(own)
         return plain
     search.bench.restore(before)
     return None
+
+
+def _kept_among(search: Search, before: Explanation, after: Explanation) -> bool:
+    """Whether held-out windows are predicted no worse among disturbances, where those are what they are taken for: to
+    follow an effect that they hide, parameters may have to leave values that had imitated the disturbances."""
+    if after.dispersion > CALM:
+        return False
+    shade = colour(search.held_out, disturbance(after.fitted, search.pulses))
+    was, now = ((shade.apply(e.judged.linear).off(e.judged.point.residual) ** 2).sum() for e in (before, after))
+    return bool(now <= was + CHANCE)
 
 
 def kept(before: Explanation, after: Explanation) -> bool:

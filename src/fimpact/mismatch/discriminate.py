@@ -16,10 +16,10 @@ from fimpact.recordings import Recording
 KNOTS = 8  # per actuator
 ABRUPT = 0.02  # share of the way between two knots in which the quickest commands change
 POOL = 32  # random experiments to start from, half of them calmer than the limits allow
-POPULATION, GENERATIONS = 16, 48  # of the search that follows
+POPULATION, GENERATIONS = 16, 32  # of the search that follows
 SPREAD = 0.2  # its first steps, of the limits
 NEEDED = 11.0  # non-centrality for 80 % power at 1 %
-ENOUGH, PATIENCE = 2.5 * NEEDED, 8  # separation of all pairs, and generations in a row no better, that end the search
+ENOUGH, PATIENCE = 2.5 * NEEDED, 6  # separation of all pairs, and generations in a row no better, that end the search
 BETTER = 1.02  # times the worth, of an experiment that keeps it going
 
 

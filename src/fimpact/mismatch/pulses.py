@@ -15,6 +15,7 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.simulate import can_touch
+from fimpact.mismatch.tangent import has_tangent, tangent
 
 BINS = 8  # pieces of a window in which the force is constant
 PROBE = 0.02  # of the root mean square force
@@ -45,6 +46,21 @@ class Pulses:
 
 def pulses(problem: Problem, fitted: Fit) -> Pulses:
     """Pulses at the fitted point of `problem`."""
+    respond = _slopes if has_tangent(problem.simulator, fitted.point) else _secants
+    forces, names = problem.extend(np.nan_to_num(respond(problem, fitted))), dof_names(problem.simulator.base)
+    return Pulses(forces, names, *_meanwhile(problem, fitted), _clocks(problem, fitted))
+
+
+def _slopes(problem: Problem, fitted: Fit) -> np.ndarray:
+    found = tangent(problem, fitted.point)
+    steps, nv = len(found.passed), problem.simulator.base.nv
+    bins = np.repeat(np.eye(BINS), np.diff(np.linspace(0, problem.windows.length, BINS + 1).astype(int)), 0)
+    forces = np.einsum("nb,ij->nijb", np.repeat(bins, found.every, 0), np.eye(nv)).reshape(1, steps, nv, -1)
+    change = found.response(np.broadcast_to(forces, (len(problem.windows.runs), *forces.shape[1:])))
+    return np.stack([problem.whiten(change[..., c]) for c in range(change.shape[3])], 2)
+
+
+def _secants(problem: Problem, fitted: Fit) -> np.ndarray:
     point, length = fitted.point, problem.windows.length
     base = problem.predict(point.hypothesis, point.qpos, point.qvel)
     size, columns = PROBE * scales(problem, point).force, []
@@ -54,9 +70,8 @@ def pulses(problem: Problem, fitted: Fit) -> Pulses:
             push = np.zeros((1, length, problem.simulator.base.nv))
             push[0, first:last, dof] = size[dof]
             change = problem.predict(point.hypothesis, point.qpos, point.qvel, push) - base
-            columns.append(np.nan_to_num(change) / size[dof])
-    forces, names = problem.extend(np.stack(columns, 2)), dof_names(problem.simulator.base)
-    return Pulses(forces, names, *_meanwhile(problem, fitted), _clocks(problem, fitted))
+            columns.append(change / size[dof])
+    return np.stack(columns, 2)
 
 
 def _clocks(problem: Problem, fitted: Fit) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
-from fimpact.mismatch.explain import Explanation, explain, shapes_of, sizes_of
+from fimpact.mismatch.explain import Explanation, corrected, explain, shapes_of, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
 from fimpact.mismatch.price import schwarz
@@ -20,6 +20,7 @@ from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
 PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
+CLOSE = 1e-4  # weight, relative to the likeliest, that is worth numerics of its own
 
 
 def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]]) -> list[Explanation]:
@@ -44,7 +45,9 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
     shaped = [member for member, rival in zip(members, rivals, strict=True) if shapes_of(rival.placed)]
     stated = [_refitted(made, naive, member, held=True) for member in shaped]
-    return _priced(weigh(made, *found, rivals + stated))
+    ranked = weigh(made, *found, rivals + stated)
+    near = [corrected(made, r) if r.weight >= CLOSE * ranked[0].weight else r for r in ranked]
+    return _priced(weigh(made, *found, near))
 
 
 def _priced(ranked: list[Explanation]) -> list[Explanation]:

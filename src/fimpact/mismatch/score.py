@@ -7,6 +7,7 @@ concealment kappa = 1 - ||s_perp||^2 / ||s||^2 (DESIGN.md). One simulation per c
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis, can_touch
+from fimpact.mismatch.tangent import Tangent, has_tangent, tangent
 
 SMALL = 1e-2  # share of its probe at which a linear effect is tried: in contact no tangent holds for all of it
 OUTWEIGHS, OTHERS, JUMPS = 0.2, (0.2, 5.0), 0.5  # share of the information from which a window is tried at other shares
@@ -100,11 +102,14 @@ class _Secant:
         self.problem, self.point, self.off = problem, fitted.point, fitted.linear.off
         self.base = problem.predict(self.point.hypothesis, self.point.qpos, self.point.qvel)
         self.touching = can_touch(problem.simulator.base)
+        self.bare = has_tangent(problem.simulator, self.point)
 
     def __call__(self, placed: Placed) -> np.ndarray:
         everywhere = np.arange(len(self.base))
         if not placed.effect.linear:
             return self._at(placed, 1.0, everywhere)
+        if placed.effect.enters == "force" and self.bare:
+            return self._along(placed)
         change = self._at(placed, SMALL, everywhere)
         return self._steady(placed, change) if self.touching and np.isfinite(change).all() else change
 
@@ -113,6 +118,19 @@ class _Secant:
         added = Hypothesis(point.hypothesis.theta, (*point.hypothesis.placed, _times(placed, share)))
         change = (problem.predict(added, point.qpos[rows], point.qvel[rows]) - self.base[rows]) / share
         return problem.extend(change[..., None])[..., 0]
+
+    def _along(self, placed: Placed) -> np.ndarray:
+        """What the force of a law on the way without it does: its own feedback is of second order."""
+        memory, force = {}, []
+        for state in self._tangent.passed:
+            state.memory = memory
+            force.append(placed.effect.law(state, placed.site, **placed.values))
+        change = self.problem.whiten(self._tangent.response(np.stack(force, 1)[..., None])[..., 0])
+        return self.problem.extend(change[..., None])[..., 0]
+
+    @cached_property
+    def _tangent(self) -> Tangent:
+        return tangent(self.problem, self.point)
 
     def _steady(self, placed: Placed, change: np.ndarray) -> np.ndarray:
         """`change` less the jumps: a window in which an impact comes a time step earlier may outweigh all others, and

@@ -78,8 +78,8 @@ def _sizes(fitted: Fit) -> list[int]:
 
 
 def separations(bench: Bench, told: Known, ctrl, qpos, qvel) -> np.ndarray:
-    """Non-centrality of each pair of `told` members, the lesser of one under the other and the other under the one, for each
-    of n experiments, (n, pairs); 0 where one diverges.
+    """Non-centrality of each pair of `told` members, the lesser of one under the other and the other under the one, for
+    each of n experiments, (n, pairs); 0 where one diverges.
 
     Args:
         ctrl: (n, T, nu). qpos: (n, nq). qvel: (n, nv).

@@ -71,6 +71,7 @@ class Simulator:
         self._engine = Rollout(nthread=count if count > 1 else 0)
         self._data = [mujoco.MjData(self.base) for _ in range(count)]
         self._last: tuple = ()
+        self._sensed: tuple = (None, None, None)
 
     @cached_property
     def theta(self) -> np.ndarray:
@@ -112,19 +113,9 @@ class Simulator:
         """Measurements, (w, T, ny), from states qpos (w, nq), qvel (w, nv) at the start of each window.
 
         Args:
-            push: generalised force (w or 1, T, nv) added in each sample, N or N m.
+            push: generalised force added in each sample, (w or 1, T, nv), or each simulation step, N or N m.
         """
-        # Friction that changes is a field of the model, and a model for each window.
-        own = len(qpos) * any(placed.effect.enters == "friction" for placed in hypothesis.placed)
-        model, copies = self._models(hypothesis, own)
-        signal = self._signal(windows, windows.length * self.substeps)
-        ctrl, instant = self._commands(hypothesis, windows, signal)
-        force = np.zeros((1, ctrl.shape[1], model.nv)) if push is None else np.repeat(push, self.substeps, 1)
-        laws = [placed for placed in hypothesis.placed if placed.effect.enters in ("force", "friction")]
-        run = self._lockstep if laws else self._rollout
-        force = np.broadcast_to(force, (len(ctrl), *force.shape[1:]))
-        sensed = run(model, copies, signal, ctrl, instant, force, qpos, qvel, laws)
-        measured = sensed[:, :: self.substeps, self.columns]
+        measured = self._sense(hypothesis, windows, qpos, qvel, push)[:, :: self.substeps, self.columns]
         coarse = self._signal(windows, windows.length, self.recording.period)
         for placed in hypothesis.placed:
             if placed.effect.enters == "measurement":
@@ -138,6 +129,50 @@ class Simulator:
         control = np.concatenate([ctrl, np.zeros((*ctrl.shape[:2], model.nv))], 2)
         state = self._engine.rollout(model, self._data, self._pack(qpos, qvel), control, control_spec=CONTROL)[0]
         return state[:, :, 1 : 1 + model.nq], state[:, :, 1 + model.nq : 1 + model.nq + model.nv]
+
+    def _sense(self, hypothesis, windows: Windows, qpos, qvel, push: np.ndarray | None) -> np.ndarray:
+        """All sensors after each step, (w, n, sensors); those of the last call where it was the same motion, for often
+        only what is measured of it differs, or nothing."""
+        moving = [(p.name, sorted(p.values.items())) for p in hypothesis.placed if p.effect.enters != "measurement"]
+        late = late_actuators(self.base, hypothesis.placed)
+        states = [part.tobytes() for part in (windows.runs, windows.first, qpos, qvel)]
+        key = hypothesis.theta.tobytes(), repr((moving, late)), windows.length, *states
+        alone = push is None
+        if alone and self._sensed[0] == key and self._sensed[1] is windows.ctrl:
+            return self._sensed[2]
+        # Friction that changes is a field of the model, and a model for each window.
+        own = len(qpos) * any(placed.effect.enters == "friction" for placed in hypothesis.placed)
+        model, copies = self._models(hypothesis, own)
+        signal = self._signal(windows, windows.length * self.substeps)
+        ctrl, instant = self._commands(hypothesis, windows, signal)
+        push = np.zeros((1, 1, model.nv)) if alone else push
+        force = np.repeat(push, ctrl.shape[1] // push.shape[1], 1)
+        laws = [placed for placed in hypothesis.placed if placed.effect.enters in ("force", "friction")]
+        run = self._lockstep if laws else self._rollout
+        force = np.broadcast_to(force, (len(ctrl), *force.shape[1:]))
+        sensed = run(model, copies, signal, ctrl, instant, force, qpos, qvel, laws)
+        if alone:
+            self._sensed = key, windows.ctrl, sensed
+        return sensed
+
+    def passed(self, hypothesis, windows: Windows, qpos, qvel) -> tuple[list[State], np.ndarray, np.ndarray]:
+        """What a force law would see in each of n simulation steps, had it no effect, and qpos (w, n, nq) and qvel
+        (w, n, nv) at their starts."""
+        model, signal = self.model(hypothesis), self._signal(windows, windows.length * self.substeps)
+        ctrl = self._commands(hypothesis, windows, signal)[0]
+        motion = zip((qpos, qvel), self.motion(hypothesis, windows, qpos, qvel), strict=True)
+        states = [np.concatenate([start[:, None], after[:, :-1]], 1) for start, after in motion]
+        ahead = [own + np.diff(own, axis=1, prepend=own[:, :1]) / 2 for own in states]
+        rows = zip(*(part.swapaxes(0, 1) for part in (*ahead, ctrl, signal.time)), strict=True)
+        return [State(model, *row, model.opt.timestep, bodies={}) for row in rows], *states
+
+    def step(self, model: mujoco.MjModel, qpos, qvel, control) -> np.ndarray:
+        """One step from each state under controls and forces, (r, nu + nv): qpos and qvel after it, and what all
+        sensors read before it, (r, nq + nv + sensors)."""
+        state, sensed = self._engine.rollout(
+            model, self._data, self._pack(qpos, qvel), control[:, None], control_spec=CONTROL
+        )
+        return np.concatenate([state[:, 0, 1 : 1 + model.nq + model.nv], sensed[:, 0]], 1)
 
     def _rollout(self, model, copies, signal, ctrl, instant, force, qpos, qvel, laws):
         control, start = np.concatenate([ctrl, force], 2), self._pack(qpos, qvel)
