@@ -8,10 +8,10 @@ import pytest
 from fimpact.concealed.strangers import known
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
+from fimpact.mismatch.accept import accepted, hopeful, idle, kept, limited, worthwhile
 from fimpact.mismatch.colour import tempered
-from fimpact.mismatch.name import DOUBTED, RIGHT, Naming
-from fimpact.mismatch.step import SEEN, step
+from fimpact.mismatch.name import DOUBTED, RIGHT, Naming, _further
+from fimpact.mismatch.step import SEEN, Step, step
 
 SAMPLES = 100
 
@@ -113,6 +113,22 @@ def test_an_effect_at_its_bound_does_nothing():
     one_way = Placed(EFFECTS["direction_dependent_coulomb"], "joint_1", {"forward": 0.0, "backward": 0.1})
     assert idle(explained(spring, dry))
     assert not idle(explained(spring, one_way))
+
+
+@pytest.mark.parametrize(("change", "found"), [(-0.99, True), (-0.5, False), (0.0, False)])
+def test_an_effect_as_large_as_it_may_be_stands_in_for_something_else(change, found):
+    soft = Placed(EFFECTS["contact_stiffness"], "table", {"change": change})
+    one_way = Placed(EFFECTS["direction_dependent_coulomb"], "joint_1", {"forward": 0.0, "backward": 0.1})
+    assert limited(SimpleNamespace(placed=(one_way, soft))) is found
+
+
+def test_what_is_as_large_as_it_may_be_is_asked_after_all_others(monkeypatch):
+    names, asked = ["at its limit", "likely", "less likely"], []
+    monkeypatch.setattr("fimpact.mismatch.name.limited", lambda rival: rival == names[0])
+    monkeypatch.setattr("fimpact.mismatch.name._serving", lambda *a: asked.append(a[3].rivals))
+    search = SimpleNamespace(ranked=list)
+    assert _further(search, None, None, Step([], np.zeros(0), names), set()) is None
+    assert asked == [names[1:], names[:1]]
 
 
 def naming(*weights, nameless=1.0, left=0.0):

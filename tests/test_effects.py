@@ -558,3 +558,30 @@ def test_laws_leave_their_input_alone():
     model = rig.model()
     EFFECTS["coulomb"].law(copy.copy(model), "elbow", friction=1.0)
     assert not model.dof_frictionloss.any()
+
+
+BOX = """
+<mujoco>
+  <worldbody>
+    <geom name="table" type="plane" size="1 1 0.1"/>
+    <body name="cube" pos="0 0 0.1">
+      <freejoint/><geom name="cube" type="box" size="0.05 0.05 0.05"/>
+    </body>
+  </worldbody>
+  <contact><pair name="cube_table" geom1="cube" geom2="table" margin="0.05"/></contact>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("turn", "less"), [(0.0, 0.0), (np.pi / 4, np.sqrt(2) - 1)])
+def test_a_box_with_rounded_edges_reaches_as_far_with_its_faces_and_less_with_its_edges(turn, less):
+    radius, spec = 0.004, mujoco.MjSpec.from_string(BOX)
+    EFFECTS["rounded_edge"].export(spec, "cube_table", radius=radius)
+    found = []
+    for model in (mujoco.MjModel.from_xml_string(BOX), mujoco.MjModel.from_xml_string(spec.to_xml())):
+        data = mujoco.MjData(model)
+        data.qpos[:] = [0, 0, 0.075, np.cos(turn / 2), 0, np.sin(turn / 2), 0]
+        mujoco.mj_forward(model, data)
+        found.append(min(c.dist - c.includemargin for c in data.contact) + model.pair_margin[0] * (not found))
+    assert found[1] + 0.05 - found[0] == pytest.approx(less * radius, abs=1e-9)
+    assert EFFECTS["rounded_edge"].sites(mujoco.MjModel.from_xml_string(BOX), ()) == ["cube_table"]

@@ -1,5 +1,6 @@
 """How surfaces touch. A site is an explicit contact pair, or a ground: then all of its contacts change alike."""
 
+import mujoco
 import numpy as np
 
 from fimpact.effects import amounts, sites
@@ -10,6 +11,7 @@ from fimpact.effects.native import exporting
 SOFT = "Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014"
 LEAST = 1e-5  # MuJoCo's smallest coefficient of friction
 FULL = 6  # condim of a contact with rolling friction
+BOX, BLUNT = int(mujoco.mjtGeom.mjGEOM_BOX), 0.9  # the largest radius of an edge, of half the box's shortest side
 ASIDE = 0.1  # of the largest offset from the centre of mass, below which a corner does not lie to that side
 
 
@@ -53,7 +55,8 @@ def rolling_friction(model, site, coefficient):
 
 
 def rounded_edge(model, site, radius):
-    """Spheres and capsules grow and their centres move inwards, so that the faces stay where they are."""
+    """Spheres and capsules grow and their centres move inwards, so that the faces stay where they are; a box shrinks,
+    and is touched as far from what is left of it."""
     if radius == 0:
         return
     for geom in _round(model, site):
@@ -64,6 +67,10 @@ def rounded_edge(model, site, radius):
         model.geom_size[geom, 0] += change
         model.geom_rbound[geom] += change
         model.geom_aabb[geom, 3:] += change
+    for pair, geom in _boxes(model, site):
+        change = np.clip(radius, -model.pair_margin[pair], BLUNT * model.geom_size[geom].min())
+        model.geom_size[geom] -= change
+        model.pair_margin[pair] += change
     stale(model)
 
 
@@ -92,8 +99,20 @@ def _round(model, site) -> list[int]:
     return sorted(g for g in moving if model.geom_type[g] in sites.ROUND)
 
 
+def _boxes(model, site) -> list[tuple[int, int]]:
+    """Explicit pairs of `site` and the moving box in each that no other pair lists: only pairs have a margin of their
+    own."""
+    both = np.concatenate([model.pair_geom1, model.pair_geom2]).tolist()
+    return [
+        (pair, int(geom))
+        for pair in touching(model, site)[0]
+        for geom in (model.pair_geom1[pair], model.pair_geom2[pair])
+        if model.geom_type[geom] == BOX and model.body_weldid[model.geom_bodyid[geom]] and both.count(geom) == 1
+    ]
+
+
 def _with_edges(model, channels=()):
-    return [site for site in sites.contacts(model) if _round(model, site)]
+    return [site for site in sites.contacts(model) if _round(model, site) or _boxes(model, site)]
 
 
 EFFECTS = (

@@ -111,6 +111,7 @@ def _put_surface(geom, model, row: int) -> None:
 
 def _put_pair(pair, model, row: int) -> None:
     pair.friction, pair.solref, pair.condim = model.pair_friction[row], model.pair_solref[row], model.pair_dim[row]
+    pair.margin = model.pair_margin[row]
 
 
 def _same(model, row: int) -> int:
@@ -138,5 +139,5 @@ TABLE = (
     (INERTIAL, "bodies", _same, _put_inertial),
     (("geom_pos", "geom_quat", "geom_size"), "geoms", _same, _put_shape),
     (("geom_friction", "geom_solref", "geom_condim"), "geoms", _same, _put_surface),
-    (("pair_friction", "pair_solref", "pair_dim"), "pairs", _same, _put_pair),
+    (("pair_friction", "pair_solref", "pair_dim", "pair_margin"), "pairs", _same, _put_pair),
 )

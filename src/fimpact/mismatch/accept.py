@@ -87,6 +87,15 @@ def _samples(judged: Fit) -> np.ndarray:
     return np.maximum((judged.point.residual != 0).sum(1), 1)
 
 
+def limited(explanation: Explanation) -> bool:
+    """Whether an effect is as large as it may be at all: it stands in for something else."""
+    amplitudes = [(p, c) for p in explanation.placed for c in p.effect.coefficients if not c.shape]
+    return any(
+        p.values[c.name] != p.effect.neutral[c.name] and np.isclose(p.values[c.name], (c.low, c.high), rtol=1e-9).any()
+        for p, c in amplitudes
+    )
+
+
 def idle(explanation: Explanation) -> bool:
     """Whether an effect was added that, once fitted, does nothing: one step promised what its bounds do not allow."""
     return any(
