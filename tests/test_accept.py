@@ -118,7 +118,7 @@ def test_an_effect_at_its_bound_does_nothing():
 @pytest.mark.parametrize(("change", "found"), [(-0.99, True), (-0.5, False), (0.0, False)])
 def test_an_effect_as_large_as_it_may_be_stands_in_for_something_else(change, found):
     soft = Placed(EFFECTS["contact_stiffness"], "table", {"change": change})
-    one_way = Placed(EFFECTS["direction_dependent_coulomb"], "joint_1", {"forward": 0.0, "backward": 0.1})
+    one_way = Placed(EFFECTS["direction_dependent_coulomb"], "joint_1", {"forward": 1e-9, "backward": 0.1})
     assert limited(SimpleNamespace(placed=(one_way, soft))) is found
 
 

@@ -91,8 +91,9 @@ def limited(explanation: Explanation) -> bool:
     """Whether an effect is as large as it may be at all: it stands in for something else."""
     amplitudes = [(p, c) for p in explanation.placed for c in p.effect.coefficients if not c.shape]
     return any(
-        p.values[c.name] != p.effect.neutral[c.name] and np.isclose(p.values[c.name], (c.low, c.high), rtol=1e-9).any()
+        bound != p.effect.neutral[c.name] and np.isclose(p.values[c.name], bound, rtol=1e-9, atol=0)
         for p, c in amplitudes
+        for bound in (c.low, c.high)
     )
 
 
