@@ -8,7 +8,7 @@ import pytest
 from fimpact.concealed.strangers import known
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch.accept import accepted, hopeful, idle, kept, limited, worthwhile
+from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
 from fimpact.mismatch.colour import tempered
 from fimpact.mismatch.name import DOUBTED, RIGHT, Naming, _further
 from fimpact.mismatch.step import SEEN, Step, step
@@ -119,16 +119,15 @@ def test_an_effect_at_its_bound_does_nothing():
 def test_an_effect_as_large_as_it_may_be_stands_in_for_something_else(change, found):
     soft = Placed(EFFECTS["contact_stiffness"], "table", {"change": change})
     one_way = Placed(EFFECTS["direction_dependent_coulomb"], "joint_1", {"forward": 1e-9, "backward": 0.1})
-    assert limited(SimpleNamespace(placed=(one_way, soft))) is found
+    assert soft.at_limit is found and not one_way.at_limit
 
 
 def test_what_is_as_large_as_it_may_be_is_asked_after_all_others(monkeypatch):
-    names, asked = ["at its limit", "likely", "less likely"], []
-    monkeypatch.setattr("fimpact.mismatch.name.limited", lambda rival: rival == names[0])
+    stand_in, likely, other = (SimpleNamespace(placed=[SimpleNamespace(at_limit=at)]) for at in (True, False, False))
+    asked, search = [], SimpleNamespace(ranked=list)
     monkeypatch.setattr("fimpact.mismatch.name._serving", lambda *a: asked.append(a[3].rivals))
-    search = SimpleNamespace(ranked=list)
-    assert _further(search, None, None, Step([], np.zeros(0), names), set()) is None
-    assert asked == [names[1:], names[:1]]
+    assert _further(search, None, None, Step([], np.zeros(0), [stand_in, likely, other]), set()) is None
+    assert asked == [[likely, other], [stand_in]]
 
 
 def naming(*weights, nameless=1.0, left=0.0):

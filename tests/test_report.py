@@ -83,6 +83,14 @@ def test_where_nothing_can_be_drawn_the_page_says_so(diagnosis, tmp_path, monkey
     assert json.loads((tmp_path / "blind" / "diagnosis.json").read_text())["film"]["file"] == ""
 
 
+def test_an_effect_at_its_limit_is_called_a_stand_in(written, diagnosis, tmp_path, monkeypatch):
+    monkeypatch.setattr(report, "draw_film", lambda *_: "No film.")
+    monkeypatch.setattr(Placed, "at_limit", True)
+    page = write_report(diagnosis, tmp_path / "limit", provenance={}).read_text(encoding="utf-8")
+    text = "it stands in for something else"
+    assert text in page and text not in (written / "report.html").read_text(encoding="utf-8")
+
+
 def test_every_held_out_run_has_its_errors_in_the_unit_of_the_measurement(written, diagnosis):
     found = json.loads((written / "diagnosis.json").read_text(encoding="utf-8"))["held_out"]
     assert found["unit"] == "rad" and [row["run"] for row in found["runs"]] == ["run 4", "run 5"]

@@ -184,6 +184,16 @@ class Placed:
         return [name for name, size in self.sizes.items() if size == 0]
 
     @property
+    def at_limit(self) -> bool:
+        """Whether an amplitude is as large as it may be at all: the effect stands in for something else."""
+        return any(
+            bound != self.effect.neutral[c.name] and np.isclose(self.values[c.name], bound, rtol=1e-9, atol=0)
+            for c in self.effect.coefficients
+            if not c.shape
+            for bound in (c.low, c.high)
+        )
+
+    @property
     def name(self) -> str:
         """``effect@site``, the form in which tables and answers name it."""
         return f"{self.effect.name}@{self.site}"

@@ -87,16 +87,6 @@ def _samples(judged: Fit) -> np.ndarray:
     return np.maximum((judged.point.residual != 0).sum(1), 1)
 
 
-def limited(explanation: Explanation) -> bool:
-    """Whether an effect is as large as it may be at all: it stands in for something else."""
-    amplitudes = [(p, c) for p in explanation.placed for c in p.effect.coefficients if not c.shape]
-    return any(
-        bound != p.effect.neutral[c.name] and np.isclose(p.values[c.name], bound, rtol=1e-9, atol=0)
-        for p, c in amplitudes
-        for bound in (c.low, c.high)
-    )
-
-
 def idle(explanation: Explanation) -> bool:
     """Whether an effect was added that, once fitted, does nothing: one step promised what its bounds do not allow."""
     return any(

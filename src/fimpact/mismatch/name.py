@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fimpact.effects.base import Effect
-from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, limited, worthwhile
+from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, worthwhile
 from fimpact.mismatch.colour import FEW, colour, disturbance, generalised
 from fimpact.mismatch.explain import Explanation, explain, sharpened, without
 from fimpact.mismatch.fit import lost
@@ -147,10 +147,9 @@ def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, 
 def _further(search: Search, naive: Explanation, best: Explanation, last: Step, known: set[str]):
     """The first of a round's rivals that serves, and the rivals from there on; None if none does. What is as large as
     it may be stands in for something else, and is asked after all others."""
-    rest = [r for r in last.rivals if limited(r)]
-    if not rest or len(rest) == len(last.rivals):
+    groups = [[r for r in last.rivals if any(p.at_limit for p in r.placed) is limited] for limited in (False, True)]
+    if not all(groups):
         return _serving(search, naive, best, last, known)
-    groups = [r for r in last.rivals if not limited(r)], rest
     found = (_serving(search, naive, best, replace(last, rivals=search.ranked(g)), known) for g in groups)
     return next(filter(None, found), None)
 
