@@ -41,13 +41,15 @@ def case(tmp_path_factory) -> Path:
     return folder / "case.yaml"
 
 
-def test_the_same_case_gives_the_same_bytes_in_another_process(case, tmp_path):
+def test_the_same_case_gives_the_same_bytes_in_another_process(case, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
     one, other = tmp_path / "one", tmp_path / "other"
     diagnose_recording(case, None, one, lambda line: None)
     command = [sys.executable, "-m", "fimpact.cli", "diagnose", str(case), "--out", str(other)]
     done = subprocess.run(command, env=os.environ | {"PYTHONHASHSEED": "1"}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     files = {path.relative_to(one) for path in one.rglob("*") if path.is_file()}
+    assert not list(one.rglob("__pycache__"))
     assert {Path(name) for name in ("diagnosis.json", "report.html", "figures/motion.gif", "improved.xml")} <= files
     assert files == {path.relative_to(other) for path in other.rglob("*") if path.is_file()}
     for name in files:

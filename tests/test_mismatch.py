@@ -452,7 +452,8 @@ def test_what_is_alike_in_all_runs_is_no_difference():
 
 def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(monkeypatch):
     def explained(name):
-        return SimpleNamespace(name=name, placed=name.split("+"), fitted=SimpleNamespace(point=None))
+        placed = [SimpleNamespace(at_limit=False) for _ in name.split("+")]
+        return SimpleNamespace(name=name, placed=placed, fitted=SimpleNamespace(point=None))
 
     rounds = iter(["payload", "com_shift+payload", "com_shift+payload"])
     left = iter(["com_shift", "payload"])

@@ -6,6 +6,7 @@ Only whoever types the command names that file; a case cannot, because a case th
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from unittest.mock import patch
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Effect
@@ -42,7 +43,8 @@ def _run(path: Path) -> None:
     if spec is None or spec.loader is None:
         raise ValueError("not a Python file; its name must end in .py")
     module = sys.modules[name] = module_from_spec(spec)
-    spec.loader.exec_module(module)
+    with patch.object(sys, "dont_write_bytecode", True):  # no cache is left beside somebody's file
+        spec.loader.exec_module(module)
 
 
 def _added(before: dict[str, Effect]) -> list[str]:

@@ -243,7 +243,8 @@ def _player(diagnosis: Diagnosis, folder: Path) -> ModuleType:
     path = folder / CALLBACK if (folder / CALLBACK).exists() else Path(player.__file__)
     spec = importlib.util.spec_from_file_location("improved", path)
     module = importlib.util.module_from_spec(spec)
-    with patch.dict(sys.modules, improved=module):  # where its dataclasses look for their names
+    # Its dataclasses look for their names there; and no cache is left among the results.
+    with patch.dict(sys.modules, improved=module), patch.object(sys, "dont_write_bytecode", True):
         spec.loader.exec_module(module)
     module.PERIOD, module.CHANNELS = diagnosis.recording.period, diagnosis.recording.channels
     module.PAST = _past(diagnosis)
