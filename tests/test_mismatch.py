@@ -235,6 +235,24 @@ def test_what_gives_between_motor_and_link_is_late_at_the_instant_of_a_command()
     assert encoders._commands(Hypothesis(encoders.theta, (stiff,)), windows, signal)[1] is None
 
 
+def test_a_motion_is_not_simulated_again_where_only_what_is_measured_differs(nothing, monkeypatch):
+    problem, point = nothing.bench.training, nothing.naming.naive.fitted.point
+    simulator, runs = problem.simulator, []
+    rollout = simulator._rollout
+    monkeypatch.setattr(simulator, "_rollout", lambda *a: runs.append(1) or rollout(*a))
+    bias, dry = (
+        Placed(EFFECTS["sensor_bias"], "encoder_1", {"offset": 0.1}),
+        Placed(EFFECTS["coulomb"], "joint_1", {"friction": 0.1}),
+    )
+    theta, where = point.hypothesis.theta, (problem.windows, point.qpos + 1e-3, point.qvel)
+    plain, biased, rubbed = (simulator.predict(Hypothesis(theta, p), *where) for p in ((), (bias,), (dry,)))
+    assert len(runs) == 2
+    np.testing.assert_allclose((biased - plain)[..., 0], 0.1)
+    np.testing.assert_array_equal(biased[..., 1], plain[..., 1])
+    simulator.predict(Hypothesis(theta, (dry,)), problem.windows, point.qpos, point.qvel)
+    assert len(runs) == 3 and np.abs(rubbed - plain).max() > 1e-4
+
+
 def test_a_window_that_jumps_does_not_outweigh_all_others(nothing, monkeypatch):
     """An impact that comes a time step earlier shows at one share of a probe and not at others."""
     problem, fitted = nothing.bench.training, nothing.naming.naive.fitted
