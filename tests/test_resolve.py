@@ -58,7 +58,7 @@ def test_a_window_that_no_rival_follows_spoils_nothing(recording):
     measured[80:160] += 0.3 * np.sin(np.arange(80) * 0.2)[:, None]
     found = resolve(recording, [replace(run, measured=measured)], [OFFSET, COULOMB])
     assert found[0].name == "coulomb@joint_2" and found[0].weight > 0.99
-    assert found[0].dispersion < 1.5 and found[0].exact
+    assert found[0].dispersion < 1.5 and not found[0].exact  # nothing is left to be decided by the time step's error
 
 
 def test_a_rival_that_became_its_own_special_case_is_no_rival(recording):
@@ -66,6 +66,7 @@ def test_a_rival_that_became_its_own_special_case_is_no_rival(recording):
     found = resolve(recording, recording.held_out[:1], [DAHL, COULOMB])
     assert [e.name for e in told_apart(found[0], found[1:])] == ["coulomb@joint_2"]
     assert sum(e.weight for e in found) == pytest.approx(1.0) and len(found) == 2
+    assert found[0].exact  # as fitted it comes near
 
 
 def test_members_of_several_effects_are_resolved_too(recording):

@@ -20,7 +20,7 @@ from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
 PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
-CLOSE = 1e-4  # weight, relative to the likeliest, that is worth numerics of its own
+CLOSE = 1e-4  # weight, relative to the likeliest, that is worth numerics of its own, where several names have it
 
 
 def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]]) -> list[Explanation]:
@@ -46,8 +46,10 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     shaped = [member for member, rival in zip(members, rivals, strict=True) if shapes_of(rival.placed)]
     stated = [_refitted(made, naive, member, held=True) for member in shaped]
     ranked = weigh(made, *found, rivals + stated)
-    near = [corrected(made, r) if r.weight >= CLOSE * ranked[0].weight else r for r in ranked]
-    return _priced(weigh(made, *found, near))
+    near = [r.weight >= CLOSE * ranked[0].weight for r in ranked]
+    if len({r.name for r, own in zip(ranked, near, strict=True) if own}) > 1:
+        ranked = weigh(made, *found, [corrected(made, r) if n else r for r, n in zip(ranked, near, strict=True)])
+    return _priced(ranked)
 
 
 def _priced(ranked: list[Explanation]) -> list[Explanation]:
