@@ -12,7 +12,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.colour import beside, colour, disturbance, generalised
-from fimpact.mismatch.diagnose import diagnose, to_json, unit_at, verdict
+from fimpact.mismatch.diagnose import diagnose, in_words, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit, sizes_of
 from fimpact.mismatch.fit import restarted
@@ -589,3 +589,11 @@ SLED = """<mujoco><worldbody><body name="sled"><joint name="rail" type="slide"/>
 )
 def test_units_are_those_of_the_joint(site, unit, expected):
     assert unit_at(mujoco.MjSpec.from_string(SLED), site, unit) == expected
+
+
+@pytest.mark.parametrize(("unit", "said"), [("1", "change 2.51 ± 2"), ("N m", "change 2.51 ± 2 N m")])
+def test_a_ratio_is_said_without_a_unit(monkeypatch, unit, said):
+    row = {"name": "change", "of": "gain@drive", "unit": unit, "after": 2.51, "low": 0.51, "high": 4.51}
+    monkeypatch.setattr("fimpact.mismatch.diagnose.parameter_rows", lambda *_: [row])
+    placed = SimpleNamespace(name="gain@drive", effect=SimpleNamespace(name="gain"), site="drive")
+    assert in_words(None, None, placed) == f"gain at drive ({said})"

@@ -90,10 +90,13 @@ def in_words(naming: Naming, recording: Recording, placed) -> str:
     rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name]
     # What no recording shows stays where it began, with no width at all: that is not knowledge.
     rows = [row for row in rows if row["high"] - row["low"] > BLIND] or rows
-    values = ", ".join(
-        f"{r['name']} {r['after']:.3g} ± {_half((r['high'] - r['low']) / 2)} {r['unit']}".strip() for r in rows
-    )
-    return f"{placed.effect.name.replace('_', ' ')} at {placed.site} ({values})"
+    return f"{placed.effect.name.replace('_', ' ')} at {placed.site} ({', '.join(map(_value, rows))})"
+
+
+def _value(row: dict[str, Any]) -> str:
+    """``friction 0.0299 ± 0.0002 N m``; a ratio has no unit."""
+    unit = "" if row["unit"] == "1" else f" {row['unit']}"
+    return f"{row['name']} {row['after']:.3g} ± {_half((row['high'] - row['low']) / 2)}{unit}"
 
 
 def words(name: str) -> str:
