@@ -231,8 +231,8 @@ def test_what_gives_between_motor_and_link_is_late_at_the_instant_of_a_command()
     assert not late[:, 0, 1].any()
     np.testing.assert_allclose(blind, rigid, atol=1e-9)
     encoders = Simulator(replace(recording, channels=("encoder_1",)))
-    signal = encoders._signal(windows, windows.length * encoders.substeps)
-    assert encoders._commands(Hypothesis(encoders.theta, (stiff,)), windows, signal)[1] is None
+    signal = encoders.commands.signal(windows, windows.length * encoders.substeps)
+    assert encoders.commands.given((stiff,), windows, signal)[1] is None
 
 
 def test_a_motion_is_not_simulated_again_where_only_what_is_measured_differs(nothing, monkeypatch):

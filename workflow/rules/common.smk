@@ -36,8 +36,8 @@ EFFECTS = (
     "__init__ actuation amounts base contact drives environment friction native sensing sites structure transmission"
 )
 CORE = (
-    "__init__ bounded colour evidence explain fit judge player price problem pulses scales score simulate starts "
-    "tangent windows"
+    "__init__ bounded colour commands evidence explain fit judge player price problem pulses scales score simulate "
+    "starts tangent windows"
 ).split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = [

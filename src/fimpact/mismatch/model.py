@@ -19,8 +19,8 @@ from fimpact.effects.base import Placed
 from fimpact.effects.native import exporting
 from fimpact.mismatch import player
 from fimpact.mismatch.callback import Bundle, listed
+from fimpact.mismatch.commands import late_actuators
 from fimpact.mismatch.diagnose import Diagnosis, in_words
-from fimpact.mismatch.simulate import late_actuators
 from fimpact.recordings import FIELDS
 
 XML, CALLBACK, ASSETS = "improved.xml", "improved.py", "assets"
@@ -223,7 +223,7 @@ def _past(diagnosis: Diagnosis) -> int:
 def _constants(diagnosis: Diagnosis) -> dict[str, str]:
     simulator = diagnosis.bench.training.simulator
     base, recording = simulator.base, diagnosis.recording
-    signal = simulator.describe(np.zeros((1, 1)), np.ones((1, 1, base.nu)))
+    signal = simulator.commands.describe(np.zeros((1, 1)), np.ones((1, 1, base.nu)))
     values = {
         "PERIOD": float(recording.period),
         "LATE": tuple(late_actuators(base, diagnosis.naming.best.placed)),

@@ -6,7 +6,6 @@ step for all of them. A secant of that is the sensitivity to anything, through c
 
 import copy
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,14 +13,13 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from fimpact.effects.base import Placed, Signal, State
+from fimpact.effects.base import Placed, State
 from fimpact.effects.native import editable
-from fimpact.mismatch.player import FINER
+from fimpact.mismatch.commands import Commands, late_actuators
 from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS, Recording
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
-DIRECT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)  # transmissions from an actuator to a joint
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
@@ -64,9 +62,7 @@ class Simulator:
         # measure the error of the integrator, and must not simulate a quicker contact.
         self.quickest = 2 * self.base.opt.timestep * refine
         self.columns = np.array([_sensor_column(self.base, name) for name in recording.channels])
-        sensors = [self.base.sensor(name.partition("[")[0]).id for name in recording.channels]
-        # What a sensor of forces or accelerations reads depends on the command of the very moment.
-        self._instant = bool(np.any(self.base.sensor_needstage[sensors] == mujoco.mjtStage.mjSTAGE_ACC))
+        self.commands = Commands(self.base, recording, self.substeps)
         count = threads()
         self._engine = Rollout(nthread=count if count > 1 else 0)
         self._data = [mujoco.MjData(self.base) for _ in range(count)]
@@ -116,7 +112,7 @@ class Simulator:
             push: generalised force added in each sample, (w or 1, T, nv), or each simulation step, N or N m.
         """
         measured = self._sense(hypothesis, windows, qpos, qvel, push)[:, :: self.substeps, self.columns]
-        coarse = self._signal(windows, windows.length, self.recording.period)
+        coarse = self.commands.signal(windows, windows.length, self.recording.period)
         for placed in hypothesis.placed:
             if placed.effect.enters == "measurement":
                 measured = placed.effect.law(measured, coarse, placed.site, **placed.values)
@@ -124,8 +120,8 @@ class Simulator:
 
     def motion(self, hypothesis, windows: Windows, qpos, qvel) -> tuple[np.ndarray, np.ndarray]:
         """qpos (w, n, nq) and qvel (w, n, nv) after each of the n simulation steps, force laws left out."""
-        model, signal = self.model(hypothesis), self._signal(windows, windows.length * self.substeps)
-        ctrl = self._commands(hypothesis, windows, signal)[0]
+        model, signal = self.model(hypothesis), self.commands.signal(windows, windows.length * self.substeps)
+        ctrl = self.commands.given(hypothesis.placed, windows, signal)[0]
         control = np.concatenate([ctrl, np.zeros((*ctrl.shape[:2], model.nv))], 2)
         state = self._engine.rollout(model, self._data, self._pack(qpos, qvel), control, control_spec=CONTROL)[0]
         return state[:, :, 1 : 1 + model.nq], state[:, :, 1 + model.nq : 1 + model.nq + model.nv]
@@ -143,8 +139,8 @@ class Simulator:
         # Friction that changes is a field of the model, and a model for each window.
         own = len(qpos) * any(placed.effect.enters == "friction" for placed in hypothesis.placed)
         model, copies = self._models(hypothesis, own)
-        signal = self._signal(windows, windows.length * self.substeps)
-        ctrl, instant = self._commands(hypothesis, windows, signal)
+        signal = self.commands.signal(windows, windows.length * self.substeps)
+        ctrl, instant = self.commands.given(hypothesis.placed, windows, signal)
         push = np.zeros((1, 1, model.nv)) if alone else push
         force = np.repeat(push, ctrl.shape[1] // push.shape[1], 1)
         laws = [placed for placed in hypothesis.placed if placed.effect.enters in ("force", "friction")]
@@ -158,8 +154,8 @@ class Simulator:
     def passed(self, hypothesis, windows: Windows, qpos, qvel) -> tuple[list[State], np.ndarray, np.ndarray]:
         """What a force law would see in each of n simulation steps, had it no effect, and qpos (w, n, nq) and qvel
         (w, n, nv) at their starts."""
-        model, signal = self.model(hypothesis), self._signal(windows, windows.length * self.substeps)
-        ctrl = self._commands(hypothesis, windows, signal)[0]
+        model, signal = self.model(hypothesis), self.commands.signal(windows, windows.length * self.substeps)
+        ctrl = self.commands.given(hypothesis.placed, windows, signal)[0]
         motion = zip((qpos, qvel), self.motion(hypothesis, windows, qpos, qvel), strict=True)
         states = [np.concatenate([start[:, None], after[:, :-1]], 1) for start, after in motion]
         ahead = [own + np.diff(own, axis=1, prepend=own[:, :1]) / 2 for own in states]
@@ -221,53 +217,6 @@ class Simulator:
         rest = np.zeros((len(qpos), self.base.na))
         return np.concatenate([np.zeros((len(qpos), 1)), qpos, qvel, rest], 1)
 
-    def _signal(self, windows: Windows, steps: int, period: float | None = None) -> Signal:
-        step = period or self.base.opt.timestep
-        time = windows.first[:, None] * self.recording.period + np.arange(steps) * step
-        index = (time / self.recording.period + 1e-9).astype(int)
-        ctrl = windows.ctrl[windows.runs[:, None], np.minimum(index, windows.ctrl.shape[1] - 1)]
-        return self.describe(time, ctrl)
-
-    def describe(self, time, ctrl) -> Signal:
-        model = self.base
-        gear = model.actuator_gear[:, 0] * model.actuator_gainprm[:, 0]
-        joints = tuple(_joint_of(model, name) for name in self.recording.channels)
-        driven = tuple(_driver(model, joint) for joint in joints)
-        actuators = tuple(model.actuator(i).name for i in range(model.nu))
-        rotor = tuple(float(model.joint(name).armature[0]) if name else 0.0 for name in joints)
-        return Signal(time, ctrl, self.recording.channels, actuators, ctrl * gear, joints, driven, rotor)
-
-    def _commands(self, hypothesis: Hypothesis, windows: Windows, signal: Signal) -> tuple:
-        """Mean command over each step, (w, n, nu), and that at its start if effects make them differ and sensors show
-        it, else None.
-
-        A delay or a lag may be shorter than a step: what the motor gives then changes within it, and a force sensor
-        that is read at its start knows nothing yet of its end.
-        """
-        laws = [placed for placed in hypothesis.placed if placed.effect.enters == "command"]
-        late = late_actuators(self.base, hypothesis.placed) if self._instant else []
-        if not (laws or late):
-            return signal.ctrl, None
-        # Whole runs, because a window's first commands depend on those before it.
-        finer = FINER if laws else 1
-        ctrl = np.repeat(windows.ctrl, self.substeps * finer, 1)
-        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.base.opt.timestep / finer), ctrl.shape[:2])
-        for placed in laws:
-            ctrl = placed.effect.law(ctrl, self.describe(time, ctrl), placed.site, **placed.values)
-        pieces = ctrl.reshape(len(ctrl), -1, finer, ctrl.shape[2])
-        instant = pieces[:, :, 0].copy()
-        instant[:, 1:, late], instant[:, :1, late] = pieces[:, :-1, -1, late], 0.0
-        steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
-        rows = windows.runs[:, None], steps
-        return pieces.mean(2)[rows], instant[rows] if self._instant else None
-
-
-def late_actuators(model: mujoco.MjModel, placed: Sequence[Placed]) -> list[int]:
-    """Actuators of joints with an effect that keeps commands from the links at first (`Effect.late`)."""
-    joints = [model.joint(p.site).id for p in placed if p.effect.late]
-    direct = np.isin(model.actuator_trntype, [int(kind) for kind in DIRECT])
-    return np.flatnonzero(direct & np.isin(model.actuator_trnid[:, 0], joints)).tolist()
-
 
 def _act(law: Placed, seen: State, pull: np.ndarray, limits: np.ndarray) -> None:
     """Add what `law` does to the forces and to the largest dry friction, (w, nv) each."""
@@ -289,18 +238,3 @@ def can_touch(model: mujoco.MjModel) -> bool:
 def _sensor_column(model: mujoco.MjModel, channel: str) -> int:
     name, _, component = channel.removesuffix("]").partition("[")
     return model.sensor(name).adr[0] + int(component or 0)
-
-
-def _joint_of(model: mujoco.MjModel, channel: str) -> str:
-    sensor = model.sensor(channel.partition("[")[0])
-    known = sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS
-    return model.joint(sensor.objid[0]).name if known else ""
-
-
-def _driver(model: mujoco.MjModel, joint: str) -> int:
-    if not joint:
-        return -1
-    drives = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
-        model.actuator_trnid[:, 0] == model.joint(joint).id
-    )
-    return int(np.argmax(drives)) if drives.any() else -1

@@ -1,0 +1,94 @@
+"""What the motors of a recording are told: its commands at every simulation step, as laws of commands change them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from fimpact.effects.base import Placed, Signal
+from fimpact.mismatch.player import FINER
+from fimpact.mismatch.windows import Windows
+from fimpact.recordings import Recording
+
+DIRECT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)  # transmissions from an actuator to a joint
+
+
+class Commands:
+    """Commands of `recording` to a `model` that takes `substeps` steps for each sample."""
+
+    def __init__(self, model: mujoco.MjModel, recording: Recording, substeps: int):
+        self.model, self.recording, self.substeps = model, recording, substeps
+        sensors = [model.sensor(name.partition("[")[0]).id for name in recording.channels]
+        # What a sensor of forces or accelerations reads depends on the command of the very moment.
+        self._instant = bool(np.any(model.sensor_needstage[sensors] == mujoco.mjtStage.mjSTAGE_ACC))
+
+    def signal(self, windows: Windows, steps: int, period: float | None = None) -> Signal:
+        """Times and commands of `windows` at the first `steps` simulation steps, or `period`, s, apart."""
+        step = period or self.model.opt.timestep
+        time = windows.first[:, None] * self.recording.period + np.arange(steps) * step
+        index = (time / self.recording.period + 1e-9).astype(int)
+        ctrl = windows.ctrl[windows.runs[:, None], np.minimum(index, windows.ctrl.shape[1] - 1)]
+        return self.describe(time, ctrl)
+
+    def describe(self, time, ctrl) -> Signal:
+        """Commands `ctrl` (n, T, nu) at `time` (n, T), s, with all that laws ask about channels and actuators."""
+        gear = self.model.actuator_gear[:, 0] * self.model.actuator_gainprm[:, 0]
+        return replace(self._rig, time=time, ctrl=ctrl, force=ctrl * gear)
+
+    @cached_property
+    def _rig(self) -> Signal:
+        """All of a signal that is the same at any time."""
+        model, none = self.model, np.zeros((0, 0, self.model.nu))
+        joints = tuple(_joint_of(model, name) for name in self.recording.channels)
+        driven = tuple(_driver(model, joint) for joint in joints)
+        actuators = tuple(model.actuator(i).name for i in range(model.nu))
+        rotor = tuple(float(model.joint(name).armature[0]) if name else 0.0 for name in joints)
+        return Signal(none[..., 0], none, self.recording.channels, actuators, none, joints, driven, rotor)
+
+    def given(self, placed: Sequence[Placed], windows: Windows, signal: Signal) -> tuple[np.ndarray, np.ndarray | None]:
+        """Mean command over each step, (w, n, nu), and that at its start if effects make them differ and sensors show
+        it, else None.
+
+        A delay or a lag may be shorter than a step: what the motor gives then changes within it, and a force sensor
+        that is read at its start knows nothing yet of its end.
+        """
+        laws = [p for p in placed if p.effect.enters == "command"]
+        late = late_actuators(self.model, placed) if self._instant else []
+        if not (laws or late):
+            return signal.ctrl, None
+        # Whole runs, because a window's first commands depend on those before it.
+        finer = FINER if laws else 1
+        ctrl = np.repeat(windows.ctrl, self.substeps * finer, 1)
+        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.model.opt.timestep / finer), ctrl.shape[:2])
+        for law in laws:
+            ctrl = law.effect.law(ctrl, self.describe(time, ctrl), law.site, **law.values)
+        pieces = ctrl.reshape(len(ctrl), -1, finer, ctrl.shape[2])
+        instant = pieces[:, :, 0].copy()
+        instant[:, 1:, late], instant[:, :1, late] = pieces[:, :-1, -1, late], 0.0
+        steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
+        rows = windows.runs[:, None], steps
+        return pieces.mean(2)[rows], instant[rows] if self._instant else None
+
+
+def late_actuators(model: mujoco.MjModel, placed: Sequence[Placed]) -> list[int]:
+    """Actuators of joints with an effect that keeps commands from the links at first (`Effect.late`)."""
+    joints = [model.joint(p.site).id for p in placed if p.effect.late]
+    direct = np.isin(model.actuator_trntype, [int(kind) for kind in DIRECT])
+    return np.flatnonzero(direct & np.isin(model.actuator_trnid[:, 0], joints)).tolist()
+
+
+def _joint_of(model: mujoco.MjModel, channel: str) -> str:
+    sensor = model.sensor(channel.partition("[")[0])
+    known = sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS
+    return model.joint(sensor.objid[0]).name if known else ""
+
+
+def _driver(model: mujoco.MjModel, joint: str) -> int:
+    if not joint:
+        return -1
+    drives = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
+        model.actuator_trnid[:, 0] == model.joint(joint).id
+    )
+    return int(np.argmax(drives)) if drives.any() else -1
