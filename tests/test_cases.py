@@ -463,6 +463,19 @@ def test_includes_inside_the_folder_are_resolved_with_every_digit(tmp_path):
     assert read_case(path).spec().compile().body("upper").mass[0] == pytest.approx(0.512345678901, abs=1e-15)
 
 
+def test_init_takes_an_actuators_own_name_or_the_unit_of_a_drive_for_its_command(tmp_path, capsys):
+    write_case(tmp_path, CASE)
+    names = {"t": "t_s", "u1": "shoulder_Nm", "u2": "elbow [A]", "q1": "shoulder_rad", "q2": "elbow_deg"}
+    write_csv(tmp_path / "log.csv", {names[k]: v for k, v in motion(1).items() if k in names})
+    assert main(["init", str(tmp_path / "arm.xml"), str(tmp_path / "log.csv"), "-o", str(tmp_path / "first.yaml")]) == 0
+    first = yaml.safe_load((tmp_path / "first.yaml").read_text())
+    assert {name: entry["column"] for name, entry in first["commands"].items()} == {
+        "shoulder": "shoulder_Nm",
+        "elbow": "elbow [A]",
+    }
+    assert [entry["column"] for entry in first["measurements"].values()] == ["shoulder_rad", "elbow_deg"]
+
+
 def test_init_matches_names_and_says_what_is_open(tmp_path, capsys):
     write_case(tmp_path, CASE)
     names = {"t": "time [s]", "u1": "shoulder torque [N m]", "u2": "elbow_torque_Nm", "q1": "shoulder pos (rad)"}

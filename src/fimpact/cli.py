@@ -1,4 +1,4 @@
-"""The command `fimpact`: check a case, write a first one, diagnose one, list what can be found.
+"""The command `fimpact`: check a case, write a first one, diagnose one, resolve its names, list what can be found.
 
 argparse, because it ends with exit code 2 on bad usage as everything here does on bad input, and needs no dependency.
 """
@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand.
 
     Returns:
-        0, or 2 on bad input, with one line on standard error and nothing written.
+        0; 2 on bad input, with one line on standard error and nothing written; 130 if it was interrupted.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -35,7 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        print(f"fimpact: {error.filename or 'a file'}: {error.strerror or reason(error)}", file=sys.stderr)
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"fimpact: {where}{error.strerror or reason(error)}", file=sys.stderr)
     except KeyboardInterrupt:
         print("fimpact: interrupted; nothing was written", file=sys.stderr)
         return 130
@@ -61,6 +62,12 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("--out", type=Path, metavar="DIR", help="default: results/recordings/CASE")
     diagnose.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
     diagnose.set_defaults(run=_diagnose)
+    further = commands.add_parser("resolve", help="say which name is left, once the experiment is recorded")
+    further.add_argument("case", type=Path, metavar="CASE.yaml", help="with the new log under runs:")
+    further.add_argument("--data", **data)
+    further.add_argument("--out", type=Path, metavar="DIR", help="of the diagnosis; default: results/recordings/CASE")
+    further.add_argument("--effects", type=Path, metavar="FILE.py", help="the same as the diagnosis had")
+    further.set_defaults(run=_resolve)
     catalogue = commands.add_parser("effects", help="list the physics that a model may be found to lack")
     catalogue.set_defaults(run=_effects)
     return parser
@@ -94,11 +101,26 @@ def _init(options: argparse.Namespace) -> None:
 def _diagnose(options: argparse.Namespace) -> None:
     from fimpact.diagnose_recording import diagnose_recording
 
-    out = options.out or Path("results") / "recordings" / options.case.stem
-    progress = partial(print, file=sys.stderr, flush=True)
-    found, page = diagnose_recording(options.case, options.data, out, progress, options.effects)
+    found, page = diagnose_recording(*_asked(options))
     print(f"page: {page}")
     print(found.verdict)
+
+
+def _resolve(options: argparse.Namespace) -> None:
+    from fimpact.mismatch.diagnose import words
+    from fimpact.resolve_recording import resolve_recording
+
+    ranked, left = resolve_recording(*_asked(options))
+    for member in ranked:
+        print(f"{member.weight:4.0%}  {words(member.name)}")
+    said = ", ".join(map(words, left))
+    print(f"Left: {said}." if len(left) == 1 else f"These cannot be told apart yet: {said}.")
+
+
+def _asked(options: argparse.Namespace) -> tuple:
+    """Case, data, folder of the page, progress and effects, as the command line gives them."""
+    out = options.out or Path("results") / "recordings" / options.case.stem
+    return options.case, options.data, out, partial(print, file=sys.stderr, flush=True), options.effects
 
 
 def _effects(options: argparse.Namespace) -> None:

@@ -7,7 +7,7 @@ from fimpact.cases import inputs, read_case
 from fimpact.effects.own import load_effects
 from fimpact.experiment import next_experiment
 from fimpact.mismatch.diagnose import Diagnosis, diagnose
-from fimpact.report import describe_inputs, write_report
+from fimpact.report import check_folder, describe_inputs, write_report
 
 
 def diagnose_recording(
@@ -31,6 +31,7 @@ def diagnose_recording(
         CaseError: the case or its data cannot be used. FileExistsError: `folder` holds files that are no report.
         ValueError: `effects` cannot be run, or adds nothing.
     """
+    check_folder(Path(folder))  # a diagnosis takes too long to be lost at its end
     recording = read_case(case, data)
     if effects:
         progress(f"adding {', '.join(load_effects(effects))} to the catalogue")

@@ -10,7 +10,7 @@ import numpy as np
 class Unknown:
     """A parameter of the naive model that is fitted.
 
-    field: one of `FIELDS`. site: name of the body, joint, actuator or contact pair that has it. sd: prior standard
+    field: one of `FIELDS`. site: name of the body, joint, geom or contact pair that has it. sd: prior standard
     deviation, relative to the model's own value where that is not zero, else in the field's unit; inf: no prior.
     """
 

@@ -63,7 +63,7 @@ def write_report(
         FileExistsError: `folder` holds files that are no part of a report.
     """
     folder = Path(folder)
-    _check_ours(folder)
+    check_folder(folder)
     folder.absolute().parent.mkdir(parents=True, exist_ok=True)
     building = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.absolute().parent))
     try:
@@ -75,7 +75,8 @@ def write_report(
     return folder / PAGE
 
 
-def _check_ours(folder: Path) -> None:
+def check_folder(folder: Path) -> None:
+    """FileExistsError if `folder` holds files that are no part of a report."""
     strange = sorted(p.name for p in folder.iterdir() if p.name not in OURS) if folder.is_dir() else []
     if strange or folder.is_file():
         raise FileExistsError(f"{folder} holds {strange or 'a file'}, no report of ours; choose another folder")

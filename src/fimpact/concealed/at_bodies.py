@@ -5,8 +5,6 @@ import numpy as np
 
 from fimpact.concealed.world import World
 
-GRAVITY = 9.81  # m/s^2
-
 
 def payload(world: World, site: str, mass: float, place: float) -> None:
     """A point mass, kg, stuck to body `site` at `place` m along its x axis."""

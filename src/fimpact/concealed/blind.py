@@ -42,8 +42,8 @@ def diagnose_case(recording: Recording, report: Report = lambda line: None) -> t
     """All stages of one case.
 
     Returns:
-        What the diagnosis says, in plain types, with the members of its answer as values, the export's relative
-        difference and the seconds of each stage; and the experiments, ``designed`` and ``random``, or nothing.
+        What the diagnosis says, in plain types, with the export's relative difference and the seconds of each stage;
+        and the experiments, ``designed`` and ``random``, or nothing.
     """
     watch = Stopwatch(report)
     diagnosis = diagnose(recording, watch)
@@ -52,8 +52,7 @@ def diagnose_case(recording: Recording, report: Report = lambda line: None) -> t
     watch("designing the next experiment")
     commands, predicted = _experiments(diagnosis)
     watch("done")
-    members = [{p.name: p.values for p in member.placed} for member in diagnosis.naming.members]
-    own = {"members": members, "exported": exported, "experiment": predicted, "seconds": watch.seconds}
+    own = {"exported": exported, "experiment": predicted, "seconds": watch.seconds}
     return {"status": DONE, **to_json(diagnosis), **own}, commands
 
 

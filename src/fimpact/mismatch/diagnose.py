@@ -154,6 +154,8 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "answer": naming.answer,
         "answer_set": naming.answer_set,
         "confidence": naming.confidence,
+        "members": [{p.name: p.values for p in member.placed} for member in naming.members],
+        "runs": [run.name for run in diagnosis.recording.runs],
         "p": naming.p,
         "left": naming.left,
         "nameless": naming.nameless,

@@ -1,4 +1,4 @@
-"""Evidence: what an explanation is worth on runs that it has never seen.
+"""Evidence: what an explanation is worth on runs that it was not fitted to; the choice among names saw them.
 
 Errors are root mean squares in standard deviations of the noise, initial states profiled alike for every model, so
 that 1 is as good as anything can be. Whole runs are held out, never windows of a training run.

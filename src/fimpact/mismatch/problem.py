@@ -1,6 +1,6 @@
 """The whitened least-squares problem that a hypothesis poses on windows with free initial states.
 
-Notation of DESIGN.md: residual r, sensitivities J to the coordinates that are fitted, X to the initial states of a
+Notation: residual r, sensitivities J to the coordinates that are fitted, X to the initial states of a
 window. X is projected off window by window (QR), which leaves a small problem in the coordinates.
 """
 

@@ -2,7 +2,7 @@
 
 A missing effect is a parameter at zero. Its sensitivity s, with what initial states and fitted parameters imitate
 taken out (s_perp), gives the score U = s_perp' r, its information I = ||s_perp||^2, the one-shot strength U / I and the
-concealment kappa = 1 - ||s_perp||^2 / ||s||^2 (DESIGN.md). One simulation per candidate, or for force laws one motion
+concealment kappa = 1 - ||s_perp||^2 / ||s||^2. One simulation per candidate, or for force laws one motion
 that is linearised for all of them (`tangent`).
 """
 

@@ -18,7 +18,7 @@ SPREAD = 1.482602218505602  # standard deviations in a median absolute deviation
 
 
 def start_states(simulator: Simulator, windows: Windows, noise: np.ndarray, held_out: bool = False) -> tuple:
-    """First guesses of qpos (w, nq) and qvel (w, nv): measured joints and poses by a local quadratic, others as given
+    """First guesses of qpos (w, nq) and qvel (w, nv): measured joints and poses by a local cubic, others as given
     for the start of the run, or as in the model's reference configuration."""
     model, recording = simulator.base, simulator.recording
     runs = recording.held_out if held_out else recording.training

@@ -1,0 +1,82 @@
+"""The command that says which name is left: it needs an earlier diagnosis, the same files and a new run."""
+
+import json
+
+import pytest
+import yaml
+from test_cases import write_csv
+from test_diagnose_recording import CASE
+from test_model import XML, record
+
+from fimpact.cases import inputs
+from fimpact.cli import main
+from fimpact.report import describe_inputs
+
+MEMBERS = [{"viscous@pivot": {"damping": 0.01}}, {"coulomb@pivot": {"friction": 0.015}}]
+NEW = {"file": "d.csv"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A pendulum with a dry pivot in four logs, of which the diagnosis knew three."""
+    folder = tmp_path_factory.mktemp("rod")
+    for name, run in zip("abcd", record(0.02).runs[2:], strict=True):
+        time = [f"{k * 0.01:.2f}" for k in range(len(run.measured))]
+        write_csv(folder / f"{name}.csv", {"t": time, "u": run.ctrl[:, 0].tolist(), "q": run.measured[:, 0].tolist()})
+    (folder / "rod.xml").write_text(XML)
+    return folder
+
+
+@pytest.fixture
+def asked(folder, capsys):
+    """Exit code and what was said, after a diagnosis and a case that may be spoiled."""
+
+    def asked(runs=(NEW,), members=MEMBERS, **spoiled):
+        (folder / "case.yaml").write_text(yaml.safe_dump(CASE))
+        told = {"answer": "viscous@pivot", "members": members, "runs": ["a", "b", "c"]}
+        told["provenance"] = describe_inputs(inputs(folder / "case.yaml"))
+        (folder / "page").mkdir(exist_ok=True)
+        (folder / "page" / "diagnosis.json").write_text(json.dumps(told | spoiled))
+        (folder / "case.yaml").write_text(yaml.safe_dump(CASE | {"runs": [*CASE["runs"], *runs]}))
+        code = main(["resolve", str(folder / "case.yaml"), "--out", str(folder / "page")])
+        return code, *capsys.readouterr()
+
+    return asked
+
+
+def test_the_name_that_the_further_run_bears_out_is_left(asked):
+    code, said, progress = asked()
+    assert code == 0 and said.splitlines() == [
+        "100%  coulomb at pivot",
+        "  0%  viscous at pivot",
+        "Left: coulomb at pivot.",
+    ]
+    assert progress == "fitting viscous@pivot, coulomb@pivot with d\n"
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "complaint"),
+    [
+        ({"runs": ()}, "has no run that was not diagnosed"),
+        ({"runs": ({**NEW, "held_out": True},)}, "remove held_out"),
+        ({"members": MEMBERS[:1]}, "no set of names"),
+        ({"provenance": {"inputs": {"rod.xml": "another"}}}, "rod.xml is not the file that was diagnosed"),
+        ({"provenance": {}}, "no diagnosis of this version"),
+        ({"members": [{"warp@pivot": {}}, *MEMBERS]}, "warp"),
+    ],
+)
+def test_what_cannot_be_resolved_is_said_in_a_line(asked, spoiled, complaint):
+    code, said, error = asked(**spoiled)
+    assert code == 2 and not said and complaint in error.splitlines()[-1]
+
+
+def test_a_run_that_was_diagnosed_must_stay(asked, folder, capsys):
+    asked()
+    (folder / "case.yaml").write_text(yaml.safe_dump(CASE | {"runs": [*CASE["runs"][1:], NEW]}))
+    assert main(["resolve", str(folder / "case.yaml"), "--out", str(folder / "page")]) == 2
+    assert "no longer has the run a" in capsys.readouterr().err
+
+
+def test_without_a_diagnosis_it_says_how_to_make_one(folder, capsys):
+    assert main(["resolve", str(folder / "case.yaml"), "--out", str(folder / "nowhere")]) == 2
+    assert "run `fimpact diagnose" in capsys.readouterr().err
