@@ -45,7 +45,7 @@ class Commands:
         driven = tuple(_driver(model, joint) for joint in joints)
         actuators = tuple(model.actuator(i).name for i in range(model.nu))
         rotor = tuple(float(model.joint(name).armature[0]) if name else 0.0 for name in joints)
-        return Signal(none[..., 0], none, self.recording.channels, actuators, none, joints, driven, rotor)
+        return Signal(np.zeros((0, 0)), none, self.recording.channels, actuators, none, joints, driven, rotor)
 
     def given(self, placed: Sequence[Placed], windows: Windows, signal: Signal) -> tuple[np.ndarray, np.ndarray | None]:
         """Mean command over each step, (w, n, nu), and that at its start if effects make them differ and sensors show
