@@ -339,7 +339,7 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
     def stub(name, value):
         monkeypatch.setattr(f"fimpact.mismatch.step.{name}", value)
 
-    stub("_by_gain", lambda search, fitted, given: [candidate(rankings[fitted])])
+    stub("_by_gain", lambda fitted, given: [candidate(rankings[fitted])])
     stub("shortlist", lambda ranking, most: ranking)
     stub("refit", lambda bench, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True))
     stub("disturbance", lambda *_: None)

@@ -71,7 +71,7 @@ def test_what_leans_between_two_axes_counts_whole():
     residual, still = np.array([3.0, -4.0, 0.0]), {"tilt_z": 0.0}
     about_x = tilted({"tilt_x": 0.01, "tilt_y": 0.0, **still}, [1.0, 0, 0], residual)
     about_y = tilted({"tilt_x": 0.0, "tilt_y": 0.01, **still}, [0, 1.0, 0], residual)
-    (found,) = merged(None, beside_nothing(residual), [about_x, about_y, candidate(DRY, [0.9, 0.6, 0], residual)])
+    (found,) = merged(beside_nothing(residual), [about_x, about_y, candidate(DRY, [0.9, 0.6, 0], residual)])
     assert (about_x.gain, about_y.gain) == pytest.approx((9.0, 16.0)) and found.gain == pytest.approx(25.0)
     assert found.start().values == pytest.approx({"tilt_x": 0.03, "tilt_y": -0.04, **still})
 
@@ -81,5 +81,5 @@ def test_what_bounds_forbid_is_not_mixed(residual, mixed):
     kind, both = ("direction_dependent_coulomb", "joint_1"), {"forward": 0.0, "backward": 0.0}
     ways = [candidate(kind, column, np.array(residual)) for column in ([1.0, 0.0], [0.0, 1.0])]
     ways = [replace(w, placed=replace(w.placed, values=both | {n: 0.1})) for w, n in zip(ways, both, strict=True)]
-    found = merged(None, beside_nothing(np.array(residual)), ways)
+    found = merged(beside_nothing(np.array(residual)), ways)
     assert [c.start().values for c in found] == [pytest.approx(values) for values in mixed]

@@ -64,18 +64,3 @@ def _inverse_weights(model: mjx.Model) -> jax.Array:
 def remove_contact(model: mjx.Model) -> mjx.Model:
     """The same program with contact that never acts: what a contact-blind designer believes."""
     return model.replace(pair_margin=jnp.full_like(model.pair_margin, -1e3))
-
-
-def relax_contact(model: mjx.Model, reach: float) -> mjx.Model:
-    """Contact that already acts at `reach` metres from the surface and grows smoothly as the gap closes.
-
-    The impedance rises from almost zero at `reach` to its own value at the surface, so that information has
-    a slope where there is no contact yet. `reach = 0` is the exact model.
-    """
-    if reach == 0.0:
-        return model
-    soft = jnp.array([1e-4, model.pair_solimp[0, 1], reach, 0.5, 2.0])
-    return model.replace(
-        pair_margin=jnp.full_like(model.pair_margin, reach),
-        pair_solimp=jnp.broadcast_to(soft, model.pair_solimp.shape),
-    )

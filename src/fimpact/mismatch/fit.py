@@ -23,6 +23,7 @@ STUCK = 3.0  # times the median of the windows' squares
 FAR, LEAPS = 0.3, 12  # of a coordinate or its scale: the first long step; how many are tried
 LOST = 10.0  # times the noise: mean square residual from which long steps are tried
 ON, BACK = 2.0, -0.5  # what a long step that paid is multiplied by, and one that did not
+PATIENCE = 2  # steps that one linearisation is kept for
 BRIEFLY = 2  # iterations on initial states after a long step
 WORTH = 0.99  # of the cost: what a long step must reach for a fit to go on from there
 FULL = 1e-3  # damping up to which a step is as long as it wants to be
@@ -57,7 +58,6 @@ def fit(
     start: Point,
     iterations: int = 12,
     linear: Linear | None = None,
-    patience: int = 2,
     refresh: bool = True,
     far: Collection[int] | None = None,
 ) -> Fit:
@@ -65,20 +65,20 @@ def fit(
     lead.
 
     Args:
-        linear: sensitivities to begin with; they are kept for `patience` iterations and refreshed after.
+        linear: sensitivities to begin with; they are kept for `PATIENCE` iterations and refreshed after.
         refresh: whether those that are returned must be of the optimum itself, and not of a point near it.
         far: coordinates in which long steps are tried; None: in all.
     """
-    found = _descended(problem, coordinates, start, iterations, linear, patience, refresh)
+    found = _descended(problem, coordinates, start, iterations, linear, refresh)
     if found.converged or not refresh or not (lost(found.point) and can_touch(problem.simulator.base)):
         return found
     there = leaped(problem, coordinates, found.point, far)
     if there.cost > WORTH * found.point.cost:
         return found
-    return _descended(problem, coordinates, there, iterations, None, patience, refresh)
+    return _descended(problem, coordinates, there, iterations, None, refresh)
 
 
-def _descended(problem, coordinates, start, iterations, linear, patience, refresh) -> Fit:
+def _descended(problem, coordinates, start, iterations, linear, refresh) -> Fit:
     point, damping, converged = start if linear else settled(problem, coordinates, start), FIRST, False
     linear, age = linear or problem.linearise(point, coordinates), 0
     for _ in range(iterations):
@@ -106,7 +106,7 @@ def _descended(problem, coordinates, start, iterations, linear, patience, refres
             enough = point.cost - trial.cost > 0.5 * gain
             point, damping = trial, max(damping / 10, DAMPING[0])
             age += 1
-            if age > patience or not enough:
+            if age > PATIENCE or not enough:
                 linear, age = problem.linearise(point, coordinates), 0
         elif age > 0:
             linear, age = problem.linearise(point, coordinates), 0

@@ -122,8 +122,8 @@ def squares(found: Fit) -> np.ndarray:
     return (found.point.residual**2).sum(1)
 
 
-def freedom(problem: Problem, coordinates: int = 0) -> float:
-    """Degrees of freedom of a problem: samples less initial states less coordinates."""
+def freedom(problem: Problem) -> float:
+    """Degrees of freedom of a problem: samples less initial states."""
     samples = int(np.isfinite(problem.windows.measured).sum())
     shown = (problem.start_weight <= 1e-6).sum()
-    return float(samples - shown - coordinates)
+    return float(samples - shown)

@@ -10,18 +10,17 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.score import Candidate, score, two_sided
 
 
-def merged(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
+def merged(fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
     """A candidate for every linear effect that has several probes of the same shape, at strength 1, if its bounds
     allow the mixture."""
     groups: dict[tuple, list[Candidate]] = {}
     for candidate in candidates:
         if candidate.placed.effect.linear:
             groups.setdefault(_shape(candidate), []).append(candidate)
-    mixed = [_mixture(problem, fitted, group) for group in groups.values() if len(group) > 1]
+    mixed = [_mixture(fitted, group) for group in groups.values() if len(group) > 1]
     return [candidate for candidate in mixed if candidate]
 
 
@@ -32,7 +31,7 @@ def _shape(candidate: Candidate) -> tuple:
     return placed.name, *shapes
 
 
-def _mixture(problem: Problem, fitted: Fit, group: Sequence[Candidate]) -> Candidate | None:
+def _mixture(fitted: Fit, group: Sequence[Candidate]) -> Candidate | None:
     columns = np.stack([c.column.ravel() for c in group], 1)
     asked = np.array([c.shares.sum() for c in group])
     strength = np.linalg.lstsq(columns.T @ columns, asked, rcond=1e-6)[0]
@@ -43,4 +42,4 @@ def _mixture(problem: Problem, fitted: Fit, group: Sequence[Candidate]) -> Candi
         if not c.shape:
             values[c.name] = float(sum(s * g.placed.values[c.name] for s, g in zip(strength, group, strict=True)))
     change = sum(s * g.change for s, g in zip(strength, group, strict=True))
-    return score(problem, fitted, replace(group[0].placed, values=values), change)
+    return score(fitted, replace(group[0].placed, values=values), change)

@@ -28,7 +28,7 @@ def nameless(bench: Bench, fitted: Fit, found: Pulses, candidates: Sequence[Cand
     fitted, groups = coloured(fitted, found), {}
     forces = ((dof, regressor, found.along(dof, curve)) for dof, regressor, curve in curves(found))
     for dof, regressor, column in (*forces, *readings(bench.training, fitted)):
-        candidate = score(bench.training, fitted, NAMELESS, column)
+        candidate = score(fitted, NAMELESS, column)
         if candidate.information > 0:
             groups.setdefault((dof, regressor), []).append(candidate.column.ravel())
     stacked = [np.stack(group, 1) for group in groups.values()] + varying(bench.training, fitted, candidates)
@@ -41,7 +41,7 @@ def nameless(bench: Bench, fitted: Fit, found: Pulses, candidates: Sequence[Cand
 def varying(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> list[np.ndarray]:
     """Sensitivities, (w m, runs - 1), to the differences of each effect between runs: what is alike in all is none."""
     best: dict[str, Candidate] = {}
-    for candidate in sorted(rescore(problem, fitted, candidates), key=lambda c: -c.gain):
+    for candidate in sorted(rescore(fitted, candidates), key=lambda c: -c.gain):
         best.setdefault(candidate.placed.name, candidate)
     apart = (differences(candidate.column, problem.windows.runs) for candidate in best.values())
     return [columns for columns in apart if columns.shape[1]]

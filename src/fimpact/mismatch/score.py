@@ -6,7 +6,7 @@ concealment kappa = 1 - ||s_perp||^2 / ||s||^2. One simulation per candidate, or
 that is linearised for all of them (`tangent`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -72,27 +72,25 @@ def two_sided(effect: Effect) -> bool:
     return effect.linear and all(c.low < effect.neutral[c.name] for c in effect.coefficients if not c.shape)
 
 
-def proposals(effects: Sequence[Effect], problem: Problem, scales: Scales, known=()) -> list[Placed]:
-    """Every effect at every site at every probe, those already in the hypothesis (`known` names) left out."""
+def proposals(effects: Sequence[Effect], problem: Problem, scales: Scales) -> list[Placed]:
+    """Every effect at every site at every probe."""
     model, channels = problem.simulator.base, problem.simulator.recording.channels
     found = []
     for effect in effects:
         for site in effect.sites(model, channels):
             placed = [Placed(effect, site, values) for values in effect.probes(scales, model, site)]
             sizes = {c.name: max((abs(p.values[c.name]) for p in placed), default=0.0) for c in effect.coefficients}
-            found += [replace(p, sizes=sizes) for p in placed if p.name not in known]
+            found += [replace(p, sizes=sizes) for p in placed]
     return found
 
 
-def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed], progress: Callable | None = None) -> list[Candidate]:
+def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed]) -> list[Candidate]:
     """Score of every proposal at the fitted point; those that change nothing there are left out."""
     found, secant = [], _Secant(problem, fitted)
     for placed in tried:
         change = secant(placed)
         if np.isfinite(change).all():
-            found.append(score(problem, fitted, placed, change))
-        if progress:
-            progress(placed)
+            found.append(score(fitted, placed, change))
     return [candidate for candidate in found if candidate.information > INVISIBLE**2]
 
 
@@ -153,13 +151,13 @@ def _times(placed: Placed, share: float) -> Placed:
     return replace(placed, effect=replace(placed.effect, late=False), values=values)
 
 
-def rescore(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
+def rescore(fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
     """The same probes beside another fit, their sensitivities taken as they were."""
-    again = [score(problem, fitted, c.placed, c.change) for c in candidates]
+    again = [score(fitted, c.placed, c.change) for c in candidates]
     return [c for c in again if c.information > INVISIBLE**2]
 
 
-def score(problem: Problem, fitted: Fit, placed: Placed, change: np.ndarray) -> Candidate:
+def score(fitted: Fit, placed: Placed, change: np.ndarray) -> Candidate:
     """Score of one column, (w, m): the change that the probe makes."""
     linear, inverse = fitted.linear, fitted.covariance
     free = linear.off(change)

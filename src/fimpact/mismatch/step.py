@@ -82,7 +82,7 @@ def step(search: Search, current: Explanation, least: float = 0.0, refits: int =
     known = {p.name for p in current.placed}
     others = [c for c in search.candidates if c.placed.name not in known]
     fitted = coloured(current.fitted, search.pulses)
-    screened = _by_gain(search, fitted, others)
+    screened = _by_gain(fitted, others)
     if not screened:
         return Step([], np.zeros(0), [])
     # What one step leaves of a large effect is no disturbance: there the disturbance before it is the better judge.
@@ -93,19 +93,19 @@ def step(search: Search, current: Explanation, least: float = 0.0, refits: int =
     if found.least > (FURTHER if current.placed else ALARM) or screened[0].gain < least:
         return found
     most = refits if len(bench.training.windows.runs) > EASY else MORE
-    mixed = merged(bench.training, fitted, screened)
+    mixed = merged(fitted, screened)
     return replace(found, rivals=_rivals(search, current, sorted([*screened, *mixed], key=lambda c: -c.gain), most))
 
 
 def _rivals(search: Search, current: Explanation, screened: list[Candidate], most: int) -> list[Explanation]:
     """The best of each ranking, refitted, by weight."""
-    loud = shortlist(_by_gain(search, current.fitted, screened), min(most, LOUD))
+    loud = shortlist(_by_gain(current.fitted, screened), min(most, LOUD))
     rivals = _refitted(search, current, [], [*shortlist(screened, most), *loud])
     for _ in range(AGAIN):
         if not rivals:
             break
         left = coloured(current.fitted, search.pulses, disturbance(rivals[0].fitted, search.pulses))
-        found = _refitted(search, current, rivals, shortlist(_by_gain(search, left, screened), min(most, LOUD)))
+        found = _refitted(search, current, rivals, shortlist(_by_gain(left, screened), min(most, LOUD)))
         if len(found) == len(rivals):
             break
         rivals = found
@@ -114,7 +114,7 @@ def _rivals(search: Search, current: Explanation, screened: list[Candidate], mos
 
 def together(search: Search, current: Explanation, alone: Step) -> Step:
     """The step with pairs of effects as rivals, the best as screened and as if only the sensors disturbed."""
-    louder = _by_gain(search, current.fitted, alone.screened)
+    louder = _by_gain(current.fitted, alone.screened)
     tried = {frozenset(c.placed.name for c in pair): pair for s in (louder, alone.screened) for pair in pairs(s, PAIRS)}
     rivals = []
     for pair in tried.values():
@@ -123,8 +123,8 @@ def together(search: Search, current: Explanation, alone: Step) -> Step:
     return replace(alone, rivals=search.compared(rivals))
 
 
-def _by_gain(search: Search, fitted: Fit, candidates: list[Candidate]) -> list[Candidate]:
-    return sorted(rescore(search.bench.training, fitted, candidates), key=lambda c: -c.gain)
+def _by_gain(fitted: Fit, candidates: list[Candidate]) -> list[Candidate]:
+    return sorted(rescore(fitted, candidates), key=lambda c: -c.gain)
 
 
 def _refitted(
@@ -143,7 +143,7 @@ def _refitted(
 def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit, list[Candidate]]:
     """`fitted` and the candidates, in the same order, under the disturbance that is left beside the strongest."""
     apart = coloured(fitted, search.pulses, beside(fitted, search.pulses, screened[0].change))
-    return apart, [score(search.bench.training, apart, c.placed, c.change) for c in screened]
+    return apart, [score(apart, c.placed, c.change) for c in screened]
 
 
 def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
