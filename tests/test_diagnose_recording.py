@@ -11,6 +11,7 @@ from test_cases import RECORDINGS, ROOT, write_csv
 from test_model import XML, diagnosis_of, record
 
 from fimpact.cases import read_case
+from fimpact.cli import main
 from fimpact.diagnose_recording import diagnose_recording
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
@@ -54,6 +55,13 @@ def test_the_same_case_gives_the_same_bytes_in_another_process(case, tmp_path, m
     assert files == {path.relative_to(other) for path in other.rglob("*") if path.is_file()}
     for name in files:
         assert (one / name).read_bytes() == (other / name).read_bytes(), name
+
+
+def test_a_folder_that_is_not_ours_is_refused_before_the_work(case, tmp_path, monkeypatch, capsys):
+    (tmp_path / "thesis.tex").touch()
+    monkeypatch.setattr("fimpact.diagnose_recording.diagnose", lambda *_: pytest.fail("an hour's work was lost"))
+    assert main(["diagnose", str(case), "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(f"fimpact: {tmp_path} holds ['thesis.tex'], no report of ours")
 
 
 PLAIN = """
