@@ -128,23 +128,19 @@ def _runs(time: Column | None, log: Path, out: Path, first: First) -> list[dict]
     scale = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(first.case["time"]["unit"], 1.0)
     cut = round(0.7 * span * scale, 3) or 1.0
     first.open.append("runs: the end of this log is held out; a recording of its own judges better, so replace it")
-    fit, judge = (
-        {"name": "fit", "file": file, "stop": cut},
-        {"name": "judge", "file": file, "start": round(cut + 1e-3, 3)},
-    )
-    return [fit, judge | {"held_out": True}]
+    judge = {"name": "judge", "file": file, "start": round(cut + 1e-3, 3), "held_out": True}
+    return [{"name": "fit", "file": file, "stop": cut}, judge]
 
 
 def _match(naive: Naive, table: list[Column], first: First) -> None:
     commands, measurements, left = {}, {}, []
     for column in table:
         kind = next((kind for kind, known in WORDS.items() if words(column.name) & known), "")
-        actuators = naive.names("actuator")
-        actuator = _named(column.name, actuators, first) if kind == "command" else ""
+        actuator = _named(column.name, naive.names("actuator"), first) if kind == "command" else ""
         sensor = _best(column.name, _scalar_sensors(naive)) if kind != "command" else ""
         joint = _named(column.name, _simple_joints(naive), first) if kind in ("position", "velocity", "") else ""
         if not kind and not sensor and (not joint or unit(column.name) in DRIVES):
-            actuator = _best(column.name, actuators)
+            actuator = _best(column.name, naive.names("actuator"))
         if actuator and actuator not in commands:
             commands[actuator] = _command(naive, actuator, column.name, first)
         elif sensor and sensor not in measurements:
