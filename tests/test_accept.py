@@ -10,7 +10,8 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
 from fimpact.mismatch.colour import tempered
-from fimpact.mismatch.name import DOUBTED, RIGHT, Naming, _further
+from fimpact.mismatch.name import DOUBTED, RIGHT, SHARP, Naming, _further
+from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.step import SEEN, Step, step
 
 SAMPLES = 100
@@ -82,17 +83,27 @@ def test_disturbances_that_are_what_they_are_taken_for_decide(monkeypatch, among
 
 
 @pytest.mark.parametrize(
-    ("placed", "gain", "relief", "found"),
-    [(1, 20.0, 0.0, True), (1, 5.0, 0.0, False), (1, 0.0, 60.0, True), (1, 20.0, -15.0, False), (0, 1.0, 0.0, True)],
+    ("placed", "gain", "relief", "p", "found"),
+    [
+        (1, 20.0, 0.0, 0.01, True),
+        (1, 5.0, 0.0, 0.01, False),
+        (1, 5.0, 0.0, 0.0002, True),
+        (1, -1.0, 0.0, 0.0002, False),
+        (1, 0.0, 60.0, 0.01, True),
+        (1, 20.0, -15.0, 0.01, False),
+        (0, 1.0, 0.0, 1.0, True),
+        (0, -3.0, 0.0, 1.0, False),
+        (0, -3.0, 0.0, 0.0002, True),
+    ],
 )
-def test_a_further_effect_explains_more_than_a_trace_or_relieves_what_was_known(
-    monkeypatch, placed, gain, relief, found
+def test_a_further_effect_explains_more_than_a_trace_or_is_beyond_doubt_or_relieves_what_was_known(
+    monkeypatch, placed, gain, relief, p, found
 ):
     told = np.array([[500.0, 200.0, 200.0 - gain], [0.0, 100.0, 100.0 - relief]])
     monkeypatch.setattr("fimpact.mismatch.accept.predicted", lambda *_: told)
     monkeypatch.setattr("fimpact.mismatch.accept.disturbance", lambda *_: None)
     monkeypatch.setattr("fimpact.mismatch.accept.colour", lambda *_: None)
-    current, last = SimpleNamespace(placed=[1] * placed), SimpleNamespace(rivals=[SimpleNamespace(fitted=0)], least=1.0)
+    current, last = SimpleNamespace(placed=[1] * placed), SimpleNamespace(rivals=[SimpleNamespace(fitted=0)], least=p)
     search = SimpleNamespace(pulses=None, held_out=None, bench=None)
     assert worthwhile(search, None, current, last) is found
 
@@ -100,7 +111,7 @@ def test_a_further_effect_explains_more_than_a_trace_or_relieves_what_was_known(
 @pytest.mark.parametrize(("p", "beside"), [(0.005, True), (0.5, False)])
 def test_what_was_called_for_and_refused_may_be_missing(p, beside):
     best = SimpleNamespace(placed=(1,))
-    naming = Naming(None, [SimpleNamespace(least=p)], best, [], 0.0, (0.0, 0.9), 1.0, None, None)
+    naming = Naming(None, [SimpleNamespace(least=p)], best, [], 0.0, Stranger(0.9, 0.0, ""), 1.0, None, None)
     assert naming.beside is beside
 
 
@@ -130,17 +141,17 @@ def test_what_is_as_large_as_it_may_be_is_asked_after_all_others(monkeypatch):
     assert asked == [[likely, other], [stand_in]]
 
 
-def naming(*weights, nameless=1.0, left=0.0):
+def naming(*weights, nameless=1.0, left=0.0, effects=1):
     members = [SimpleNamespace(name=f"name {i}", weight=w) for i, w in enumerate(weights)]
-    steps, best = [SimpleNamespace(least=1.0)], SimpleNamespace(placed=(1,), name="name 0")
+    steps, best = [SimpleNamespace(least=1.0)], SimpleNamespace(placed=(1,) * effects, name="name 0")
     pulses = SimpleNamespace(time=range(20))
-    return Naming(None, steps, best, members, left, (1.0, nameless), 1.0, np.zeros((0, 0)), pulses)
+    return Naming(None, steps, best, members, left, Stranger(nameless, 0.0, ""), 1.0, np.zeros((0, 0)), pulses)
 
 
 def test_stated_confidence_is_what_such_weights_have_been_worth():
     assert naming(1.0).confidence == {"name 0": pytest.approx(sum(RIGHT))}
     several = naming(0.5, 0.3, 0.2).confidence
-    assert several["name 0"] == pytest.approx(RIGHT[0] + RIGHT[1] / 2)
+    assert several["name 0"] == pytest.approx(RIGHT[0] + RIGHT[1] * 0.5**SHARP)
     assert several["name 1"] / several["name 2"] == pytest.approx(1.5)
     assert sum(several.values()) <= 1.0 + 1e-12
     assert naming(1.0, nameless=0.04).confidence == {"name 0": pytest.approx(DOUBTED * sum(RIGHT))}
@@ -150,6 +161,11 @@ def test_stated_confidence_is_what_such_weights_have_been_worth():
 def test_an_answer_that_leaves_a_quarter_says_so():
     assert naming(1.0, left=0.3).answer_set == ["name 0", "unnamed"]
     assert naming(1.0, left=0.2).answer_set == ["name 0"]
+
+
+def test_an_answer_of_as_many_effects_as_are_tried_says_that_more_may_be_missing():
+    assert naming(1.0, effects=2).answer_set == ["name 0"]
+    assert naming(1.0, effects=3).answer_set == ["name 0", "unnamed"]
 
 
 def test_what_acts_in_contact_only_is_known_as_such():

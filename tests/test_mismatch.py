@@ -12,6 +12,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.colour import beside, colour, disturbance, generalised
+from fimpact.mismatch.curves import SPOTS, spots
 from fimpact.mismatch.diagnose import diagnose, in_words, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit, sizes_of
@@ -19,16 +20,18 @@ from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
 from fimpact.mismatch.locate import _modes
 from fimpact.mismatch.name import Naming, build, name
-from fimpact.mismatch.nameless import differences, nameless
+from fimpact.mismatch.nameless import Stranger, differences, nameless
+from fimpact.mismatch.pooled import _apart, stacked
 from fimpact.mismatch.price import price, seen
 from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.pulses import _swings, pulses
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
-from fimpact.mismatch.windows import cut
+from fimpact.mismatch.windows import Windows, cut
 
 FRICTION = 0.004  # N m
 
@@ -143,7 +146,7 @@ def test_a_force_outside_the_catalogue_is_not_given_a_name():
 
     found = name(bench(record(6, hide)), few("coulomb", "torque_offset"), lambda line: None)
     assert found.answer == "unnamed"
-    assert found.nameless[1] < 0.01
+    assert found.stranger.p < 0.01
 
 
 def test_p_is_calibrated_under_the_null_and_notices_a_signal():
@@ -446,17 +449,86 @@ def samples_in(part):
     return (part.point.residual != 0).sum()
 
 
-def test_an_effect_that_differs_from_run_to_run_has_no_name(nothing):
-    bench, fitted, found = nothing.bench, nothing.naming.naive.fitted, nothing.naming.pulses
-    runs, tried = bench.training.windows.runs, list(nothing.naming.steps[0].screened)
-    assert nameless(bench, fitted, found, tried)[0] > 0.01
-    gain = next(c for c in tried if c.placed.name == "gain@motor_2")
-    signs = np.where(runs % 2, 1.0, -1.0)[:, None]
-    point = replace(
-        fitted.point, residual=fitted.point.residual + 30 * signs * gain.change / np.linalg.norm(gain.column)
-    )
-    assert nameless(bench, replace(fitted, point=point), found, [])[0] > 0.01
-    assert nameless(bench, replace(fitted, point=point), found, tried)[0] < 0.01
+@pytest.fixture(scope="module")
+def asked(nothing):
+    """What `nameless` makes of the null recording once a residual, (w, m) each, is added in its windows."""
+    made, naive, found = nothing.bench, nothing.naming.naive, nothing.naming.pulses
+    held_out, tried = pulses(made.held_out, naive.judged), list(nothing.naming.steps[0].screened)
+
+    def ask(learned=0.0, shown=0.0, candidates=tried):
+        parts = [
+            replace(part, point=replace(part.point, residual=part.point.residual + added))
+            for part, added in zip(naive.parts, (learned, shown), strict=True)
+        ]
+        return nameless(made, replace(naive, fitted=parts[0], judged=parts[1]), found, held_out, candidates)
+
+    return SimpleNamespace(ask=ask, learned=found, shown=held_out, tried=tried)
+
+
+def test_an_effect_that_differs_from_run_to_run_has_no_name(nothing, asked):
+    runs = nothing.bench.training.windows.runs
+    assert asked.ask().p > 0.01
+    gain = next(c for c in asked.tried if c.placed.name == "gain@motor_2")
+    added = 30 * np.where(runs % 2, 1.0, -1.0)[:, None] * gain.change / np.linalg.norm(gain.column)
+    assert asked.ask(added, candidates=[]).p > 0.01
+    found = asked.ask(added)
+    assert found.p < 0.01
+    assert found.like == "gain at motor_2 of a strength that differs from run to run"
+
+
+@pytest.mark.parametrize(
+    ("like", "force"),
+    [
+        ("a force on joint_2 that goes with the time since a run began", lambda own: np.sin(6 * own.time)),
+        ("a force on joint_2 that goes with the commands", lambda own: own.ctrl[..., 0]),
+        (
+            "a gain of what drives joint_2 that goes with the time since a run began",
+            lambda own: own.ctrl[..., 1] * np.sin(6 * own.time),
+        ),
+        ("something that swings unseen and pulls joint_2 along", lambda own: own.swing[:, :, 1, 2]),
+    ],
+)
+def test_a_force_without_a_name_is_told_by_what_it_goes_with(asked, like, force):
+    learned, shown = (own.along(1, force(own)) for own in (asked.learned, asked.shown))
+    size = 200 / np.linalg.norm(learned)
+    found = asked.ask(size * learned, size * shown)
+    assert found.p < 0.001
+    assert found.like == like
+
+
+def test_held_out_windows_are_asked_as_well(asked):
+    force = asked.shown.along(1, asked.shown.swing[:, :, 1, 2])
+    found = asked.ask(shown=400 * force / np.linalg.norm(force))
+    assert found.p < 0.001
+
+
+def test_windows_of_unequal_length_are_pooled():
+    np.testing.assert_array_equal(stacked(np.ones((1, 2, 2)), np.ones((1, 1, 2)))[1], [[1, 1], [0, 0]])
+    apart = _apart(np.ones((2, 3, 1)), 2 * np.ones((1, 2, 2)))
+    np.testing.assert_array_equal(apart[0, 0], [1, 0, 0])
+    np.testing.assert_array_equal(apart[2], [[0, 2, 2], [0, 2, 2], [0, 0, 0]])
+
+
+def test_what_swings_is_carried_from_window_to_window_and_not_across_a_gap():
+    speed = np.random.default_rng(0).standard_normal((1, 33, 2)).cumsum(1)
+    whole = Windows(np.zeros(1, int), np.zeros(1, int), np.zeros((1, 32, 1)), np.zeros((1, 33, 0)), ("run",))
+    halves = replace(whole, runs=np.zeros(2, int), first=np.array([0, 16]), measured=np.zeros((2, 16, 1)))
+    cut_in_two = np.concatenate([speed[:, :17], speed[:, 16:]])
+    long = _swings(whole, speed, 0.01)
+    short = _swings(halves, cut_in_two, 0.01)
+    np.testing.assert_allclose(short[1].reshape(4, 2, 2, -1).mean(1), long[0, 4:], rtol=1e-9)
+    alone = _swings(replace(halves, first=np.array([0, 20])), cut_in_two, 0.01)
+    np.testing.assert_allclose(alone[1], _swings(replace(halves, runs=np.arange(2)), cut_in_two, 0.01)[1])
+    assert not np.allclose(alone[1], short[1])
+
+
+def test_spots_cover_the_postures_whatever_their_units():
+    rng = np.random.default_rng(0)
+    posture = np.stack([rng.uniform(-1, 1, (20, 8)), 1e3 * rng.uniform(-1, 1, (20, 8))], 2)
+    found = spots(posture)
+    assert len(found) == SPOTS and found[0].shape == (20, 8)
+    assert np.max(found, 0).min() > 0.1 and np.min(found, 0).max() < 0.9
+    assert len(spots(np.zeros((20, 8, 2)))) == 1
 
 
 def test_what_is_alike_in_all_runs_is_no_difference():
@@ -549,14 +621,14 @@ def test_the_verdict_names_nothing_for_sure_that_held_out_runs_refuse(friction):
 @pytest.mark.parametrize(
     ("p", "left", "said"),
     [
-        (0.001, 0.1, "Something beside it is missing that the catalogue cannot name."),
-        (0.04, 0.1, "Something beside it may be missing that the catalogue cannot name."),
+        (0.001, 0.1, "Something beside it is missing that the catalogue cannot name. It is most like a ghost."),
+        (0.04, 0.1, "Something beside it may be missing that the catalogue cannot name. It is most like a ghost."),
         (0.9, 0.3, "These recordings cannot rule out that more is missing."),
         (0.9, 0.1, "held-out mismatch."),
     ],
 )
 def test_the_verdict_says_how_sure_it_is_that_this_is_all(friction, p, left, said):
-    naming = replace(friction.naming, nameless=(0.0, p), left=left)
+    naming = replace(friction.naming, stranger=Stranger(p, 1.0, "a ghost"), left=left)
     assert verdict(naming, friction.recording, friction.location, friction.evidence).endswith(said)
 
 

@@ -11,13 +11,13 @@ from test_model import diagnosis_of, record
 
 from fimpact import report
 from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed
+from fimpact.effects.base import Placed, words
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.locate import locate
 from fimpact.mismatch.name import Naming
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.step import Step
-from fimpact.report import describe_inputs, pair, short, to_text, words, write_report
+from fimpact.report import describe_inputs, pair, short, to_text, write_report
 from fimpact.report_where import timeline
 
 

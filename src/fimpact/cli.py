@@ -107,7 +107,7 @@ def _diagnose(options: argparse.Namespace) -> None:
 
 
 def _resolve(options: argparse.Namespace) -> None:
-    from fimpact.mismatch.diagnose import words
+    from fimpact.effects.base import words
     from fimpact.resolve_recording import resolve_recording
 
     ranked, left = resolve_recording(*_asked(options))

@@ -19,9 +19,10 @@ import mujoco
 import numpy as np
 from markupsafe import Markup
 
+from fimpact.effects.base import words
 from fimpact.experiment import COMMANDS, START, commands, described, write_experiment
 from fimpact.film import draw_film
-from fimpact.mismatch.diagnose import Diagnosis, parameter_rows, to_json, words
+from fimpact.mismatch.diagnose import Diagnosis, parameter_rows, to_json
 from fimpact.mismatch.discriminate import Experiment
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.model import ASSETS, CALLBACK, XML, check_model, refusal, write_model

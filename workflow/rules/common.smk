@@ -48,7 +48,9 @@ READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for n
 LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
 NAMING = [
     f"mismatch/{name}"
-    for name in "accept calibrate callback diagnose locate merge model name nameless pairs step weigh".split()
+    for name in (
+        "accept calibrate callback curves diagnose locate merge model name nameless pairs pooled step weigh"
+    ).split()
 ]
 OTHERS = ["knobs", "peers", "mismatch/blackbox", "mismatch/locate"]
 STAGES = {

@@ -197,3 +197,12 @@ class Placed:
     def name(self) -> str:
         """``effect@site``, the form in which tables and answers name it."""
         return f"{self.effect.name}@{self.site}"
+
+
+def words(name: str) -> str:
+    """``coulomb@joint_2`` as a reader says it."""
+    said = []
+    for part in name.split("+"):
+        effect, at, site = part.partition("@")
+        said.append(f"{effect.replace('_', ' ')} at {site}" if at else effect)
+    return " and ".join(said)

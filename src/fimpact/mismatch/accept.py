@@ -28,13 +28,14 @@ def hopeful(best: Explanation, rivals: list[Explanation]) -> list[Explanation]:
 def worthwhile(search: Search, naive: Explanation, current: Explanation, last: Step) -> bool:
     """Whether the best rival predicts held-out windows better, and a further one by more than a trace of what there was
     to explain, unless it relieves parameters of values that nobody would believe. What training shows beyond doubt, a
-    few held-out runs may fail to show by chance."""
+    few held-out runs may fail to show by chance, and of a further one no more than a hint."""
     pushing = disturbance(last.rivals[0].fitted, search.pulses)
     shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
     (before, now, then), (_, bent, straight) = predicted(search.bench, (naive, current, last.rivals[0]), shades)
+    sure = last.least <= SURE
     if current.placed:
-        return bool(now - then + bent - straight > max(TRACE * (before - now), 0.0))
-    return bool(now - then > (-CHANCE if last.least <= SURE else 0.0))
+        return bool(now - then + bent - straight > (0.0 if sure else max(TRACE * (before - now), 0.0)))
+    return bool(now - then > (-CHANCE if sure else 0.0))
 
 
 def beats(search: Search, found: Explanation, best: Explanation) -> bool:

@@ -91,12 +91,12 @@ def _root(squares: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def _joint_draws(columns: np.ndarray, seed: int) -> np.ndarray:
-    """Scores of noise, (DRAWS, c), correlated as the columns are."""
-    unit = columns / np.sqrt((columns**2).sum(0))
+    """Scores of noise, (DRAWS, c), correlated as the columns are: single precision is more than chance needs."""
+    unit = (columns / np.sqrt((columns**2).sum(0))).astype(np.float32)
     values, vectors = np.linalg.eigh(unit.T @ unit)
     used = values > NEGLIGIBLE * values[-1]
     values, root = values[used], vectors[:, used] * np.sqrt(values[used])
-    return np.random.default_rng(seed).standard_normal((DRAWS, len(values))) @ root.T
+    return np.random.default_rng(seed).standard_normal((DRAWS, len(values)), np.float32) @ root.T
 
 
 def _p(observed: np.ndarray, largest: np.ndarray) -> np.ndarray:

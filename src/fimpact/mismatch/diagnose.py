@@ -8,14 +8,15 @@ import mujoco
 import numpy as np
 
 from fimpact.effects import EFFECTS
+from fimpact.effects.base import words
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
 from fimpact.mismatch.judge import Bench, bench, squares
 from fimpact.mismatch.locate import Location, locate
-from fimpact.mismatch.name import Naming, name
+from fimpact.mismatch.name import SEEMING, Naming, name
 from fimpact.mismatch.step import Step
 from fimpact.recordings import FIELDS, Recording
 
-SCHEMA = 1
+SCHEMA = 2
 Z95 = 1.959964
 BLIND = 1e-12  # width of an interval, in the coefficient's unit, below which it was never moved
 SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
@@ -67,7 +68,7 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     found = "; ".join(in_words(naming, recording, p) for p in naming.best.placed)
     share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
     if naming.answer == "unnamed":
-        where = f"that the catalogue cannot name: {location.sentence}."
+        where = f"that the catalogue cannot name: {location.sentence}.{_like(naming)}"
         sure = found and evidence.low > 0
         return f"Missing: {found}. {share} More is missing {where}" if sure else f"Something is missing {where}"
     others = [words(m.name) for m in naming.members[1:]]
@@ -81,8 +82,13 @@ def _more(naming: Naming) -> str:
     """Whether a named answer is all."""
     if naming.seeming:
         surely = "is" if naming.certain else "may be"
-        return f" Something beside it {surely} missing that the catalogue cannot name."
+        return f" Something beside it {surely} missing that the catalogue cannot name.{_like(naming)}"
     return " These recordings cannot rule out that more is missing." if naming.beside else ""
+
+
+def _like(naming: Naming) -> str:
+    """What it is most like that has no name, where that is more than chance."""
+    return f" It is most like {naming.stranger.like}." if naming.stranger.p <= SEEMING else ""
 
 
 def in_words(naming: Naming, recording: Recording, placed) -> str:
@@ -90,22 +96,13 @@ def in_words(naming: Naming, recording: Recording, placed) -> str:
     rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name]
     # What no recording shows stays where it began, with no width at all: that is not knowledge.
     rows = [row for row in rows if row["high"] - row["low"] > BLIND] or rows
-    return f"{placed.effect.name.replace('_', ' ')} at {placed.site} ({', '.join(map(_value, rows))})"
+    return f"{words(placed.name)} ({', '.join(map(_value, rows))})"
 
 
 def _value(row: dict[str, Any]) -> str:
     """``friction 0.0299 ± 0.0002 N m``; a ratio has no unit."""
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     return f"{row['name']} {row['after']:.3g} ± {_half((row['high'] - row['low']) / 2)}{unit}"
-
-
-def words(name: str) -> str:
-    """``coulomb@joint_2`` as a reader says it."""
-    said = []
-    for part in name.split("+"):
-        effect, at, site = part.partition("@")
-        said.append(f"{effect.replace('_', ' ')} at {site}" if at else effect)
-    return " and ".join(said)
 
 
 def _half(width: float) -> str:
@@ -158,7 +155,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "runs": [run.name for run in diagnosis.recording.runs],
         "p": naming.p,
         "left": naming.left,
-        "nameless": naming.nameless,
+        "nameless": asdict(naming.stranger),
         "widened": naming.widened,
         "dispersion": naming.dispersion,
         "acts_in": diagnosis.acts_in,

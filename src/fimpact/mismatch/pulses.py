@@ -10,25 +10,32 @@ from itertools import pairwise
 
 import mujoco
 import numpy as np
+from scipy.signal import lfilter
 
+from fimpact.mismatch.commands import DIRECT
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.simulate import can_touch
 from fimpact.mismatch.tangent import has_tangent, tangent
+from fimpact.mismatch.windows import Windows
 
 BINS = 8  # pieces of a window in which the force is constant
 PROBE = 0.02  # of the root mean square force
-BUMPS = 5  # smooth curves over the range of each regressor
 IMPACT = 0.03  # s after contact begins
+RATES, RINGING = (
+    2 * np.pi * np.array([1.0, 2.0, 4.0, 8.0]),
+    0.1,
+)  # rad/s of what may swing unseen, and its damping ratio
 
 
 @dataclass(frozen=True)
 class Pulses:
     """Sensitivities, (w, m, nv * BINS), to a unit force on each degree of freedom (named `dofs`) in each bin, and at
     the middle of each bin: time (w, BINS) s since the start of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), ctrl
-    (w, BINS, nu), and the contact mode (w, BINS): "free", "impact" or "contact". clocks (w, m, runs): sensitivity to a
-    clock that is one sampling period late, for each run."""
+    (w, BINS, nu), and the contact mode (w, BINS): "free", "impact" or "contact". swing (w, BINS, nv, 2 RATES): of what
+    would swing unseen, struck by each change of speed since the run began. driven: the degree of freedom behind each
+    actuator, or -1. clocks (w, m, runs): sensitivity to a clock that is one sampling period late, for each run."""
 
     columns: np.ndarray
     dofs: tuple[str, ...]
@@ -37,6 +44,8 @@ class Pulses:
     qvel: np.ndarray
     ctrl: np.ndarray
     mode: np.ndarray
+    swing: np.ndarray
+    driven: tuple[int, ...]
     clocks: np.ndarray
 
     def along(self, dof: int, curve: np.ndarray) -> np.ndarray:
@@ -92,35 +101,6 @@ def dof_names(model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(names)
 
 
-def curves(found: Pulses) -> list[tuple[int, str, np.ndarray]]:
-    """(degree of freedom, regressor, force (w, BINS)) of smooth bumps over each regressor's range: own position and
-    speed, time, friction over position and time, every command, and while in contact direction of motion and position.
-    """
-    out = []
-    for dof in range(len(found.dofs)):
-        against = np.sign(found.qvel[..., dof])
-        over = {"time": found.time}
-        if found.qpos.shape[2] == found.qvel.shape[2]:
-            over["position"] = found.qpos[..., dof]
-        regressors = {"speed": found.qvel[..., dof], **over}
-        out += [(dof, name, bump) for name, x in regressors.items() for bump in bumps(x)]
-        out += [(dof, f"friction over {name}", against * bump) for name, x in over.items() for bump in bumps(x)]
-        out += [(dof, "commands", command) for command in found.ctrl.transpose(2, 0, 1)]
-        touching = found.mode != "free"
-        if touching.any() and not touching.all():
-            out += [(dof, "contact", touching * 1.0), (dof, "contact", touching * against)]
-            places = bumps(over["position"]) if "position" in over else []
-            out += [(dof, "contact over position", touching * bump) for bump in places]
-    return out
-
-
-def bumps(x: np.ndarray) -> list[np.ndarray]:
-    """Smooth bumps over the range of `x`, each of its shape."""
-    centres = np.quantile(x, (np.arange(BUMPS) + 0.5) / BUMPS)
-    width = max(np.diff(centres).mean(), 1e-9)
-    return [np.exp(-0.5 * ((x - centre) / width) ** 2) for centre in centres]
-
-
 def _meanwhile(problem: Problem, fitted: Fit) -> tuple:
     simulator, windows, point = problem.simulator, problem.windows, fitted.point
     qpos, qvel = simulator.motion(point.hypothesis, windows, point.qpos, point.qvel)
@@ -130,7 +110,39 @@ def _meanwhile(problem: Problem, fitted: Fit) -> tuple:
     time = (windows.first[:, None] + middle / simulator.substeps) * simulator.recording.period
     model = simulator.model(point.hypothesis)
     mode = _modes(_touching(model, qpos), round(IMPACT / model.opt.timestep))
-    return time, qpos[:, middle], qvel[:, middle], ctrl, mode
+    swing = _swings(windows, np.concatenate([point.qvel[:, None], qvel], 1), model.opt.timestep)
+    return time, qpos[:, middle], qvel[:, middle], ctrl, mode, swing, _driven(model)
+
+
+def _swings(windows: Windows, qvel: np.ndarray, step: float) -> np.ndarray:
+    """Deflection and its quadrature, (w, BINS, nv, 2 RATES), of oscillators that are carried along and start at rest.
+
+    Args:
+        qvel: at the start of each window and after each of its steps, (w, n + 1, nv).
+    """
+    turn = np.exp((1j - RINGING) * RATES * step)
+    out = np.empty((len(qvel), qvel.shape[1] - 1, qvel.shape[2], len(RATES)), complex)
+    for run in np.unique(windows.runs):
+        now, end = np.zeros(out.shape[2:], complex), None
+        for w in np.flatnonzero(windows.runs == run):
+            if end is None or windows.first[w] != end[0]:
+                now = np.zeros_like(now)
+            else:
+                now = now + (qvel[w, 0] - end[1])[:, None]
+            struck = np.diff(qvel[w], axis=0)
+            for i, own in enumerate(turn):
+                out[w, :, :, i], last = lfilter([1.0], [1.0, -own], struck, 0, (own * now[:, i])[None])
+                now[:, i] = last[0] / own
+            end = windows.first[w] + windows.length, qvel[w, -1]
+    edges = np.linspace(0, out.shape[1], BINS + 1).astype(int)
+    mean = np.stack([out[:, first:last].mean(1) for first, last in pairwise(edges)], 1)
+    return np.concatenate([mean.real, mean.imag], 3)
+
+
+def _driven(model: mujoco.MjModel) -> tuple[int, ...]:
+    direct = np.isin(model.actuator_trntype, [int(kind) for kind in DIRECT])
+    joints = model.actuator_trnid[:, 0]
+    return tuple(int(model.jnt_dofadr[j]) if own else -1 for own, j in zip(direct, joints, strict=True))
 
 
 def _modes(touching: np.ndarray, since: int) -> np.ndarray:

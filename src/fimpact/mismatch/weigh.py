@@ -13,7 +13,7 @@ from fimpact.mismatch.price import price
 from fimpact.mismatch.pulses import Pulses
 
 STRAY = 9.0  # squares of a window by which another rival's sensitivities must do better to be taken
-MEMBERS, WORDY = 1 / 50, 1 / 10  # weight, relative to the best, above which an explanation cannot be told from it
+MEMBERS, WORDY = 1 / 100, 1 / 10  # weight, relative to the best, above which an explanation cannot be told from it
 
 
 def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
@@ -93,10 +93,11 @@ def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
     return float(max(1.0, *found))
 
 
-def explained(found: Pulses, naive: Fit, current: Fit) -> float:
-    """Generalised squares by which `current` fits training windows better than `naive`."""
-    shade = [colour(found, disturbance(current, found))]
-    before, after = (generalised(fits, shade).total for fits in steadied([(naive,), (current,)], shade))
+def explained(found: Sequence[Pulses], naive: Sequence[Fit], current: Sequence[Fit]) -> float:
+    """Generalised squares by which `current` fits sets of windows better than `naive`, the first of them training."""
+    pushing = disturbance(current[0], found[0])
+    shades = [colour(own, pushing) for own in found]
+    before, after = (generalised(fits, shades).total for fits in steadied([naive, current], shades))
     return before - after
 
 
