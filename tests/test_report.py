@@ -15,6 +15,7 @@ from fimpact.effects.base import Placed, words
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.locate import locate
 from fimpact.mismatch.name import Naming
+from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.step import Step
 from fimpact.report import describe_inputs, pair, short, to_text, write_report
@@ -27,7 +28,9 @@ def diagnosed(*placed: Placed) -> Diagnosis:
     kept = pulses(problem, naming.naive.fitted)
     steps = [Step([], np.zeros(0), [naming.best] if placed else [])]
     members = [naming.best] if placed else []
-    named = Naming(naming.naive, steps, naming.best, members, 0.01, (0.001, 0.5), 1.0, naming.covariance, kept)
+    named = Naming(
+        naming.naive, steps, naming.best, members, 0.01, Stranger(0.5, 1.0, ""), 1.0, naming.covariance, kept
+    )
     location = locate(problem, naming.naive.fitted, kept)
     verdict = "Missing: dry friction." if placed else "Nothing is missing that these recordings can show."
     return Diagnosis(found.recording, found.bench, named, location, found.evidence, verdict)
