@@ -473,7 +473,7 @@ def test_an_effect_that_differs_from_run_to_run_has_no_name(nothing, asked):
     assert asked.ask(added, candidates=[]).p > 0.01
     found = asked.ask(added)
     assert found.p < 0.01
-    assert found.like == "gain at motor_2 of a strength that differs from run to run"
+    assert found.like == "gain at motor_2, of a strength that differs from run to run"
 
 
 @pytest.mark.parametrize(

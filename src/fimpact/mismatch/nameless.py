@@ -43,7 +43,7 @@ WORDS = {
     "contact over position": "a force on {} while in contact that goes with its position",
     "reading": "an error of {} that bends with what it reads",
     "field": "a force that goes with posture, of all joints together",
-    "varying": "{} of a strength that differs from run to run",
+    "varying": "{}, of a strength that differs from run to run",
 }
 
 
