@@ -63,9 +63,10 @@ def adjusted(
 
 def adjusted_groups(
     groups: list[np.ndarray], residual: np.ndarray, behind: Background, seed: int = 0
-) -> tuple[np.ndarray, np.ndarray]:
-    """p of each group of projected sensitivities, (m, c) each, tested together against `residual`, (m,), and the energy
-    that each explains beyond what it would of noise."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """p of each group of projected sensitivities, (m, c) each, tested together against `residual`, (m,), the energy
+    that each explains beyond what it would of noise, and what tells apart those whose p is as small as draws can say.
+    """
     bases = [np.linalg.svd(group, full_matrices=False)[0] for group in groups]
     size = np.array([basis.shape[1] for basis in bases])
     energy = np.array([((residual @ basis) ** 2).sum() for basis in bases])
@@ -77,7 +78,8 @@ def adjusted_groups(
     drawn = _joint_draws(np.concatenate(bases, 1), seed) ** 2
     edges = np.append(0, np.cumsum(size))
     sums = np.stack([drawn[:, a:b].sum(1) for a, b in pairwise(edges)], 1)
-    return _p(_root(observed, size), _root(sums, size).max(1)), np.maximum(energy - size, 0.0)
+    stands_out = _root(observed, size)
+    return _p(stands_out, _root(sums, size).max(1)), np.maximum(energy - size, 0.0), stands_out
 
 
 def _as(distribution, log_tail: np.ndarray | float) -> np.ndarray:

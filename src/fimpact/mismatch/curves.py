@@ -40,7 +40,7 @@ def spots(x: np.ndarray) -> list[np.ndarray]:
     taken = np.unique(flat, axis=0)
     centres = kmeans2(taken, SPOTS, minit="++", rng=0)[0] if len(taken) > SPOTS else taken
     apart = np.linalg.norm(centres[:, None] - centres, axis=2) + np.diag(np.full(len(centres), np.inf))
-    width = apart.min(1).mean() if len(centres) > 1 else 1.0
+    width = np.median(apart.min(1)) if len(centres) > 1 else 1.0
     near = [np.exp(-0.5 * ((flat - centre) ** 2).sum(1) / width**2) for centre in centres]
     return [bump.reshape(x.shape[:2]) for bump in near]
 

@@ -19,6 +19,7 @@ from fimpact.recordings import FIELDS, Recording
 SCHEMA = 2
 Z95 = 1.959964
 BLIND = 1e-12  # width of an interval, in the coefficient's unit, below which it was never moved
+REFUSED = "The likeliest name does not improve held-out runs"
 SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
 
 
@@ -69,12 +70,13 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
     if naming.answer == "unnamed":
         where = f"that the catalogue cannot name: {location.sentence}.{_like(naming)}"
-        sure = found and evidence.low > 0
-        return f"Missing: {found}. {share} More is missing {where}" if sure else f"Something is missing {where}"
+        if found and evidence.low > 0:
+            return f"Missing: {found}. {share} More is missing {where}"
+        return f"Something is missing {where}" + (f" {REFUSED}: {found}." if found else "")
     others = [words(m.name) for m in naming.members[1:]]
     unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
     if not evidence.low > 0:
-        return f"Something is missing, but the likeliest name does not improve held-out runs: {found}.{unsure}"
+        return f"Something is missing. {REFUSED}: {found}.{unsure}"
     return f"Missing: {found}. {share}{unsure}{_more(naming)}"
 
 

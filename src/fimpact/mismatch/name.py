@@ -11,11 +11,12 @@ import numpy as np
 
 from fimpact.effects.base import Effect
 from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, worthwhile
-from fimpact.mismatch.colour import FEW, colour, disturbance, generalised
+from fimpact.mismatch.colour import FEW, colour, coloured, disturbance, generalised
 from fimpact.mismatch.explain import Explanation, explain, sharpened, without
 from fimpact.mismatch.fit import lost
 from fimpact.mismatch.judge import Bench, base_fit
 from fimpact.mismatch.nameless import Stranger, nameless
+from fimpact.mismatch.pooled import pooled
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.pulses import Pulses, pulses
 from fimpact.mismatch.scales import scales
@@ -44,7 +45,7 @@ class Naming:
 
     left: what the `stranger`, the strongest of what has no name, explains beside `best`, as a share of that and of what
     `best` explains. dispersion: of the windows' squares under `best`, 1: noise among disturbances. covariance: of the
-    coordinates of `best`, disturbances counted. pulses: the sensitivities behind `stranger`.
+    coordinates of `best`, disturbances counted. pulses: those in the training windows.
     """
 
     naive: Explanation
@@ -131,7 +132,7 @@ def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, 
     end with, and its rivals."""
     best, rivals, steps, known = naive, [], [], {naive.name}
     while len(best.placed) < LARGEST:
-        steps.append(step(search, best, TRACE * explained([search.pulses], [naive.fitted], [best.fitted])))
+        steps.append(step(search, best, TRACE * _learned(search, naive, best)))
         found = _further(search, naive, best, steps[-1], known)
         if not found and steps[-1].rivals and lost(best.fitted.point) and len(best.placed) + 2 <= LARGEST:
             paired = together(search, best, steps[-1])
@@ -142,6 +143,12 @@ def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, 
         best, rivals = found
         known.add(best.name)
     return steps, best, rivals[1:]
+
+
+def _learned(search: Search, naive: Explanation, best: Explanation) -> float:
+    """Generalised squares by which `best` fits the training windows better than the naive model."""
+    shade = colour(search.pulses, disturbance(best.fitted, search.pulses))
+    return explained([shade], [naive.fitted], [best.fitted])
 
 
 def _further(search: Search, naive: Explanation, best: Explanation, last: Step, known: set[str]):
@@ -190,14 +197,14 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
 
 
 def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explanation, others) -> Naming:
-    bench, found = search.bench, search.pulses
-    pushing = disturbance(best.fitted, found)
-    shades = colour(found, pushing), colour(search.held_out, pushing)
-    spread = dispersion(best, generalised(both(bench, best), shades).deviances)
-    windows = found, search.held_out
-    stranger = nameless(bench, best, *windows, search.candidates)
-    gained = max(explained(windows, both(bench, naive), both(bench, best)), 0.0)
+    bench, windows, parts = search.bench, (search.pulses, search.held_out), both(search.bench, best)
+    pushing = disturbance(best.fitted, search.pulses)
+    shades = [colour(found, pushing) for found in windows]
+    spread = dispersion(best, generalised(parts, shades).deviances)
+    fitted, found = pooled(parts, *windows)
+    stranger = nameless(bench, best, coloured(fitted, found, pushing), found, search.candidates)
+    gained = max(explained(shades, both(bench, naive), parts), 0.0)
     left = stranger.gain / max(stranger.gain + gained, 1e-9)
     wide = spread * generalised([best.fitted], shades[:1]).covariance
     total = spread * pushing.noise**2
-    return Naming(naive, steps, best, members(best, others), left, stranger, total, wide, found)
+    return Naming(naive, steps, best, members(best, others), left, stranger, total, wide, search.pulses)

@@ -1,10 +1,11 @@
 """Nameless: is there a force, or an error of a sensor, that no effect of the catalogue gives, as a smooth curve over
 state, time, command or reading; or an effect that is there, but not alike in all runs?
 
-All windows are asked, those held out included: in another regime what a relative of the truth had imitated shows.
+All windows are asked, those held out included, but for what differs from run to run: in another regime what a relative
+of the truth had imitated shows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,12 +13,11 @@ from scipy.linalg import null_space
 
 from fimpact.effects.base import Effect, Placed, words
 from fimpact.mismatch.calibrate import adjusted_groups, background
-from fimpact.mismatch.colour import coloured
 from fimpact.mismatch.curves import bumps, curves, field
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench
-from fimpact.mismatch.pooled import pooled, stacked
+from fimpact.mismatch.pooled import refitted, stacked
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score
@@ -36,8 +36,8 @@ WORDS = {
     "friction over position": "dry friction of {} that goes with its position",
     "friction over time": "dry friction of {} that goes with the time since a run began",
     "commands": "a force on {} that goes with the commands",
-    "command over position": "a gain of what drives {} that goes with its position",
-    "command over time": "a gain of what drives {} that goes with the time since a run began",
+    "command over position": "an effect of the command on {} that goes with its position",
+    "command over time": "an effect of the command on {} that goes with the time since a run began",
     "swing": "something that swings unseen and pulls {} along",
     "contact": "a force on {} while in contact",
     "contact over position": "a force on {} while in contact that goes with its position",
@@ -57,48 +57,62 @@ class Stranger:
 
 
 def nameless(
-    bench: Bench, explanation: Explanation, found: Pulses, held_out: Pulses, candidates: Sequence[Candidate]
+    bench: Bench, explanation: Explanation, fitted: Fit, found: Pulses, candidates: Sequence[Candidate]
 ) -> Stranger:
     """Any of the `curves`, `field` and `readings` and whatever varies among the `candidates`, beside what `explanation`
-    says; p is 1 where nothing can be asked."""
-    fitted, pulses = pooled(bench, explanation, found, held_out)
-    fitted, groups = coloured(fitted, pulses), {}
-    channels = bench.training.simulator.recording.channels
-    columns = [(WORDS[name].format(pulses.dofs[dof]), pulses.along(dof, curve)) for dof, name, curve in curves(pulses)]
-    columns += [(WORDS["field"], column) for column in field(pulses)]
-    columns += [(WORDS["reading"].format(channels[i]), column) for i, column in readings(bench, explanation)]
-    for like, column in columns:
+    says; p is 1 where nothing can be asked.
+
+    Args:
+        fitted: the explanation in all windows (`pooled`), in units in which disturbances are white. found: pulses in
+            them.
+    """
+    groups: dict[tuple[str, str], list[np.ndarray]] = {}
+    for kind, what, column in _columns(bench, explanation, found):
         candidate = score(fitted, NAMELESS, column)
         if candidate.information > 0:
-            groups.setdefault(like, []).append(candidate.column.ravel())
-    stacks = {like: np.stack(group, 1) for like, group in groups.items()}
+            groups.setdefault((kind, what), []).append(candidate.column.ravel())
+    stacks = {name: np.stack(group, 1) for name, group in groups.items()}
     stacks |= varying(bench.training, fitted, candidates)
     if not stacks:
         return Stranger(1.0, 0.0, "")
-    p, gain = adjusted_groups(list(stacks.values()), refitted(fitted).ravel(), background(fitted, pulses))
-    first = np.lexsort((-gain, p))[0]
-    return Stranger(float(p[first]), float(gain[first]), list(stacks)[first])
+    left = refitted(fitted)
+    residual, behind = left.linear.off(left.point.residual).ravel(), background(left, found)
+    p, gain, size = adjusted_groups(list(stacks.values()), residual, behind)
+    first = np.lexsort((-size, p))[0]
+    kind, what = list(stacks)[first]
+    return Stranger(float(p[first]), float(gain[first]), WORDS[kind].format(what))
 
 
-def refitted(fitted: Fit) -> np.ndarray:
-    """The residual, (w, m), less what all windows together would have the coordinates take of it."""
-    linear, left = fitted.linear, fitted.linear.off(fitted.point.residual)
-    slope = np.einsum("wma,wm->a", linear.projected, left) - fitted.pull
-    return left - linear.projected @ (fitted.covariance @ slope)
+def _columns(bench: Bench, explanation: Explanation, found: Pulses) -> Iterator[tuple[str, str, np.ndarray]]:
+    """What it goes with, a key of `WORDS`, at which joint or channel, and the sensitivity to one such curve, (w, m)."""
+    channels = bench.training.simulator.recording.channels
+    for dof, kind, curve in curves(found):
+        yield kind, found.dofs[dof], found.along(dof, curve)
+    for column in field(found):
+        yield "field", "", column
+    for channel, column in readings(bench, explanation):
+        yield "reading", channels[channel], column
 
 
-def varying(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> dict[str, np.ndarray]:
+def varying(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> dict[tuple[str, str], np.ndarray]:
     """Sensitivities, (w m, runs - 1), to the differences of each effect between training runs: what is alike in all is
-    none. Training windows are the first of those of `fitted`, and candidates are known in them only."""
+    none, and neither is what the coordinates do there. Training windows are the first of those of `fitted`, and
+    candidates are known in them only."""
+    learned, size = len(problem.windows.runs), fitted.point.residual.shape
     best: dict[str, Candidate] = {}
-    runs, size = problem.windows.runs, fitted.point.residual.shape
-    rest = np.zeros((size[0] - len(runs), size[1]))
+    rest = np.zeros((size[0] - learned, size[1]))
     whole = [replace(candidate, change=stacked(candidate.change, rest)) for candidate in candidates]
     for candidate in sorted(rescore(fitted, whole), key=lambda c: -c.gain):
         best.setdefault(candidate.placed.name, candidate)
-    runs, learned = np.append(runs, np.full(len(rest), -1)), np.arange(size[0])[:, None] < len(runs)
-    apart = {n: differences(np.where(learned, c.column, 0.0), runs) for n, c in best.items()}
-    return {WORDS["varying"].format(words(name)): columns for name, columns in apart.items() if columns.shape[1]}
+    coordinates = fitted.linear.projected[:learned].reshape(learned * size[1], -1)
+    found = {}
+    for name, candidate in best.items():
+        own = candidate.column[:learned]
+        alike = np.linalg.qr(np.column_stack([coordinates, own.ravel()]))[0]
+        apart = differences(own, problem.windows.runs)
+        if apart.shape[1]:
+            found["varying", words(name)] = np.pad(apart - alike @ (alike.T @ apart), [(0, rest.size), (0, 0)])
+    return found
 
 
 def differences(column: np.ndarray, runs: np.ndarray) -> np.ndarray:

@@ -1,27 +1,36 @@
 """Pooled: training and held-out windows as one set, for questions that no parameter is fitted to answer."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.problem import Linear
 from fimpact.mismatch.pulses import Pulses
-from fimpact.mismatch.weigh import both
 
 
-def pooled(bench: Bench, explanation: Explanation, found: Pulses, held_out: Pulses) -> tuple[Fit, Pulses]:
-    """The explanation's fit with all windows, training first, and the pulses in them."""
-    learned, shown = both(bench, explanation)
-    residual = stacked(learned.point.residual, shown.point.residual)
+def pooled(parts: Sequence[Fit], found: Pulses, held_out: Pulses) -> tuple[Fit, Pulses]:
+    """One fit of the training windows and, after them, of those held out, and the pulses in all of them.
+
+    Args:
+        parts: the fits of both, of the same coordinates.
+    """
+    learned, shown = parts
     names = "basis", "triangle", "raw"
     basis, triangle, raw = (stacked(getattr(learned.linear, n), getattr(shown.linear, n)) for n in names)
     linear = Linear(basis, triangle, raw, raw)
     linear = replace(linear, projected=linear.off(raw))
-    point = replace(learned.point, residual=residual)
-    return replace(learned, point=point, linear=linear, precision=_precision(learned, linear)), _pulses(found, held_out)
+    point = replace(learned.point, residual=stacked(learned.point.residual, shown.point.residual))
+    return replace(learned, point=point, linear=linear, precision=_precision(learned, linear)), _joined(found, held_out)
+
+
+def refitted(fitted: Fit) -> Fit:
+    """`fitted` with the residual, (w, m), that is left once its coordinates are where all of its windows would have
+    them: those of a fit that has learned from some were never asked by the others."""
+    linear, point = fitted.linear, fitted.point
+    slope = np.einsum("wma,wm->a", linear.projected, linear.off(point.residual)) - fitted.pull
+    return replace(fitted, point=replace(point, residual=point.residual - linear.raw @ (fitted.covariance @ slope)))
 
 
 def stacked(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -35,12 +44,11 @@ def _precision(fitted: Fit, linear: Linear) -> np.ndarray:
     return np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(fitted.coordinates.sd**-2.0)
 
 
-def _pulses(found: Pulses, held_out: Pulses) -> Pulses:
+def _joined(found: Pulses, held_out: Pulses) -> Pulses:
     alike = "time", "qpos", "qvel", "ctrl", "mode", "swing"
-    both = {name: np.concatenate([getattr(found, name), getattr(held_out, name)]) for name in alike}
-    return replace(
-        found, columns=stacked(found.columns, held_out.columns), clocks=_apart(found.clocks, held_out.clocks), **both
-    )
+    joined = {name: np.concatenate([getattr(found, name), getattr(held_out, name)]) for name in alike}
+    columns, clocks = stacked(found.columns, held_out.columns), _apart(found.clocks, held_out.clocks)
+    return replace(found, columns=columns, clocks=clocks, **joined)
 
 
 def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -34,8 +34,9 @@ class Pulses:
     """Sensitivities, (w, m, nv * BINS), to a unit force on each degree of freedom (named `dofs`) in each bin, and at
     the middle of each bin: time (w, BINS) s since the start of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), ctrl
     (w, BINS, nu), and the contact mode (w, BINS): "free", "impact" or "contact". swing (w, BINS, nv, 2 RATES): of what
-    would swing unseen, struck by each change of speed since the run began. driven: the degree of freedom behind each
-    actuator, or -1. clocks (w, m, runs): sensitivity to a clock that is one sampling period late, for each run."""
+    would swing unseen, struck by each change of speed since the run began, or the last gap between windows. driven: the
+    degree of freedom behind each actuator, or -1. clocks (w, m, runs): sensitivity to a clock that is one sampling
+    period late, for each run."""
 
     columns: np.ndarray
     dofs: tuple[str, ...]
@@ -92,12 +93,13 @@ def _clocks(problem: Problem, fitted: Fit) -> np.ndarray:
 
 
 def dof_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Name of the joint behind each degree of freedom; those of free and ball joints are numbered."""
+    """Name, or number, of the joint behind each degree of freedom; those of free and ball joints are numbered."""
     names = []
     for dof in range(model.nv):
         joint = model.jnt(int(model.dof_jntid[dof]))
         several = (model.dof_jntid == model.dof_jntid[dof]).sum() > 1
-        names.append(f"{joint.name}[{dof - joint.dofadr[0]}]" if several else joint.name)
+        name = joint.name or f"joint {joint.id}"
+        names.append(f"{name}[{dof - joint.dofadr[0]}]" if several else name)
     return tuple(names)
 
 
@@ -135,7 +137,7 @@ def _swings(windows: Windows, qvel: np.ndarray, step: float) -> np.ndarray:
                 now[:, i] = last[0] / own
             end = windows.first[w] + windows.length, qvel[w, -1]
     edges = np.linspace(0, out.shape[1], BINS + 1).astype(int)
-    mean = np.stack([out[:, first:last].mean(1) for first, last in pairwise(edges)], 1)
+    mean = np.stack([out[:, first : max(last, first + 1)].mean(1) for first, last in pairwise(edges)], 1)
     return np.concatenate([mean.real, mean.imag], 3)
 
 

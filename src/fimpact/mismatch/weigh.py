@@ -93,10 +93,8 @@ def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
     return float(max(1.0, *found))
 
 
-def explained(found: Sequence[Pulses], naive: Sequence[Fit], current: Sequence[Fit]) -> float:
-    """Generalised squares by which `current` fits sets of windows better than `naive`, the first of them training."""
-    pushing = disturbance(current[0], found[0])
-    shades = [colour(own, pushing) for own in found]
+def explained(shades: Sequence[Colour], naive: Sequence[Fit], current: Sequence[Fit]) -> float:
+    """Generalised squares by which `current` fits sets of windows, of a colour each, better than `naive`."""
     before, after = (generalised(fits, shades).total for fits in steadied([naive, current], shades))
     return before - after
 
