@@ -141,10 +141,10 @@ def test_what_is_as_large_as_it_may_be_is_asked_after_all_others(monkeypatch):
     assert asked == [[likely, other], [stand_in]]
 
 
-def naming(*weights, nameless=1.0, left=0.0, effects=1):
+def naming(*weights, nameless=1.0, left=0.0, effects=1, windows=20):
     members = [SimpleNamespace(name=f"name {i}", weight=w) for i, w in enumerate(weights)]
     steps, best = [SimpleNamespace(least=1.0)], SimpleNamespace(placed=(1,) * effects, name="name 0")
-    pulses = SimpleNamespace(time=range(20))
+    pulses = SimpleNamespace(time=range(windows))
     return Naming(None, steps, best, members, left, Stranger(nameless, 0.0, ""), 1.0, np.zeros((0, 0)), pulses)
 
 
@@ -161,6 +161,12 @@ def test_stated_confidence_is_what_such_weights_have_been_worth():
 def test_an_answer_that_leaves_a_quarter_says_so():
     assert naming(1.0, left=0.3).answer_set == ["name 0", "unnamed"]
     assert naming(1.0, left=0.2).answer_set == ["name 0"]
+
+
+def test_a_few_windows_are_not_certain_of_what_has_no_name():
+    assert naming(1.0, nameless=0.001, left=0.5).answer == "unnamed"
+    assert naming(1.0, nameless=0.001, left=0.5, windows=7).answer == "name 0"
+    assert naming(1.0, nameless=0.001, left=0.5, windows=7).answer_set == ["name 0", "unnamed"]
 
 
 def test_an_answer_of_as_many_effects_as_are_tried_says_that_more_may_be_missing():

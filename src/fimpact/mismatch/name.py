@@ -73,14 +73,19 @@ class Naming:
     def answer(self) -> str:
         """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance."""
         forced = self.certain and self.left > UNNAMED
-        limit = WILD if len(self.pulses.time) >= FEW else WILDER
+        limit = WILDER if self.few else WILD
         wild = self.dispersion > limit and not self.best.placed
         return "unnamed" if forced or wild else self.best.name
 
     @property
+    def few(self) -> bool:
+        """Whether the training windows are too few to know what a disturbance does."""
+        return len(self.pulses.time) < FEW
+
+    @property
     def certain(self) -> bool:
-        """Whether a force without a name is there beside the best answer."""
-        return self.stranger.p <= CERTAIN
+        """Whether what has no name is there beside the best answer; a few windows cannot tell it from a disturbance."""
+        return self.stranger.p <= CERTAIN and not self.few
 
     @property
     def beside(self) -> bool:
