@@ -55,7 +55,8 @@ def log_ticks(axis: Axis, low: float, high: float, label) -> None:
 def log_places(low: float, high: float, most: int = 7) -> list[float]:
     """Round multiples of powers of ten between `low` and `high`, the finest set that has no more than `most`."""
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    for factors in ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1,)):
+    fine = 1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.7, 2, 3, 5, 7
+    for factors in (fine, (1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1,)):
         places = [float(place) for place in np.outer(decades, factors).ravel() if low <= place <= high]
         if len(places) <= most:
             break
