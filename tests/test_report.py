@@ -118,6 +118,13 @@ def test_the_page_says_what_was_found(written, diagnosis):
     assert data["provenance"]["inputs"] == {"log.csv": "0" * 64}
 
 
+def test_a_name_that_held_out_runs_refuse_is_not_what_it_is(diagnosis, written, tmp_path):
+    assert "<h2>What it is</h2>" in (written / "report.html").read_text(encoding="utf-8")
+    refused = replace(diagnosis, evidence=replace(diagnosis.evidence, low=-0.01))
+    page = write_report(refused, tmp_path / "refused", provenance={}).read_text(encoding="utf-8")
+    assert "The likeliest name, which held-out runs refuse" in page and "What it is" not in page
+
+
 def test_the_same_diagnosis_gives_the_same_bytes(written, diagnosis, tmp_path):
     write_report(diagnosis, tmp_path / "again", provenance={"inputs": {"log.csv": "0" * 64}})
     for name in ("diagnosis.json", "report.html", "improved.xml", "figures/state.svg"):

@@ -27,8 +27,6 @@ NAMELESS = Placed(
     "",
     {},
 )
-
-
 WORDS = {
     "speed": "a force on {} that goes with its speed",
     "position": "a force on {} that goes with its position",
