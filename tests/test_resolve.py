@@ -14,7 +14,7 @@ from fimpact.mismatch.explain import explain, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import base_fit, bench
 from fimpact.mismatch.problem import Linear, coordinates
-from fimpact.mismatch.resolve import resolve
+from fimpact.mismatch.resolve import _anew, remaining, resolve
 from fimpact.mismatch.separate import MOST, _left, _moved, known, separations
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import members as told_apart
@@ -66,6 +66,31 @@ def test_a_rival_that_became_its_own_special_case_is_no_rival(recording):
     found = resolve(recording, recording.held_out[:1], [DAHL, COULOMB])
     assert [e.name for e in told_apart(found[0], found[1:])] == ["coulomb@joint_2"]
     assert sum(e.weight for e in found) == pytest.approx(1.0) and len(found) == 2
+
+
+def test_a_shape_that_no_recording_showed_is_sought_where_a_screening_seeks_it(rivals, monkeypatch):
+    """A displacement far from what was stated is out of reach of the tangent there."""
+    made, members = rivals
+    naive, tried = (members[0].fitted, members[0].judged), []
+
+    def fitted(made, naive, member):
+        (values,) = member.values()
+        tried.append(values["displacement"])
+        placed = (Placed(EFFECTS["dahl"], "joint_2", values, {"friction": 1.0, "displacement": 1.0}),)
+        point = replace(members[0].fitted.point, cost=abs(values["displacement"] - 0.1))
+        return replace(members[0], placed=placed, fitted=replace(members[0].fitted, point=point))
+
+    monkeypatch.setattr("fimpact.mismatch.resolve._refitted", fitted)
+    stated = fitted(made, naive, {"dahl@joint_2": {"friction": FRICTION, "displacement": 1e-6}})
+    found = _anew(made, naive, stated).placed[0].values["displacement"]
+    assert len(tried) == 3 and found == min(tried, key=lambda d: abs(d - 0.1)) != 1e-6
+    assert _anew(made, naive, members[0]) is members[0]  # there is no shape to seek
+
+
+def test_after_an_experiment_a_name_remains_that_is_a_twentieth_as_likely(rivals):
+    best, other = rivals[1]
+    names = [remaining([replace(best, weight=0.9), replace(other, weight=w)]) for w in (0.046, 0.044)]
+    assert names == [["coulomb@joint_2", "torque_offset@motor_2"], ["coulomb@joint_2"]]
 
 
 def test_members_of_several_effects_are_resolved_too(recording, monkeypatch):

@@ -10,8 +10,7 @@ from fimpact.cases import inputs, read_case
 from fimpact.cases.errors import CaseError
 from fimpact.effects.own import load_effects
 from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.resolve import resolve
-from fimpact.mismatch.weigh import members
+from fimpact.mismatch.resolve import remaining, resolve
 from fimpact.recordings import Recording, Run
 from fimpact.report import DATA, describe_inputs
 
@@ -46,7 +45,7 @@ def resolve_recording(
     names = ["+".join(sorted(member)) for member in earlier["members"]]
     progress(f"fitting {', '.join(names)} with {', '.join(run.name for run in added)}")
     ranked = resolve(known, added, earlier["members"])
-    return ranked, [member.name for member in members(ranked[0], ranked[1:])]
+    return ranked, remaining(ranked)
 
 
 def _earlier(path: Path, case: Path | str) -> dict[str, Any]:

@@ -17,8 +17,7 @@ from fimpact.concealed.rows import DONE, Arrays, Report, each, read_rows, runs_o
 from fimpact.mismatch.diagnose import Diagnosis, diagnose, to_json
 from fimpact.mismatch.discriminate import discriminate, limits, repeats
 from fimpact.mismatch.model import check_model, write_model
-from fimpact.mismatch.resolve import resolve
-from fimpact.mismatch.weigh import members as told_apart
+from fimpact.mismatch.resolve import remaining, resolve
 from fimpact.recordings import Recording, Run
 
 WAYS = ("designed", "random")
@@ -85,9 +84,8 @@ def resolve_case(recording: Recording, row: dict[str, Any], played: dict[str, Ru
 def _resolved(recording: Recording, members: Sequence[dict], run: Run) -> dict[str, Any]:
     since = time.perf_counter()
     ranked = resolve(recording, [run], members)
-    left = [e.name for e in told_apart(ranked[0], ranked[1:])]
     weights = {e.name: e.weight for e in ranked}
-    return {"answer_set": left, "weights": weights, "seconds": time.perf_counter() - since}
+    return {"answer_set": remaining(ranked), "weights": weights, "seconds": time.perf_counter() - since}
 
 
 def diagnose_part(recordings: Path, report: Report) -> tuple[list[dict[str, Any]], Arrays]:

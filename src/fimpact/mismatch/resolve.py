@@ -11,16 +11,18 @@ from fimpact.mismatch.explain import Explanation, corrected, explain, shapes_of,
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
 from fimpact.mismatch.price import schwarz
-from fimpact.mismatch.problem import Problem, coordinates
+from fimpact.mismatch.problem import Point, Problem, coordinates
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals
 from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.weigh import members as untold
 from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
 PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
 CLOSE = 1e-4  # weight, relative to the likeliest, that is worth numerics of its own, where several names have it
+REMAINING = 1 / 20  # weight, relative to the likeliest, of a name that remains: an experiment asks which, not whether
 
 
 def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]]) -> list[Explanation]:
@@ -32,13 +34,17 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     Args:
         members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them.
     """
-    added, naive = [replace(run, held_out=False) for run in added], None
+    added, naive, begun = [replace(run, held_out=False) for run in added], None, members
     for attempt in range(PASSES + 1):
         made = bench(replace(recording, runs=(*recording.training, *added, *recording.held_out)))
         begin = naive[0].point.hypothesis if naive else Hypothesis(made.training.simulator.theta)
         naive = base_fit(made, coordinates(made.training.simulator), begin)
-        rivals = [_refitted(made, naive, member) for member in members]
-        lost = _stray(made, rivals, made.training.windows.runs >= len(recording.training))
+        new = made.training.windows.runs >= len(recording.training)
+        rivals = [_refitted(made, naive, member) for member in begun]
+        if not attempt and _stray(made, rivals, new).any():
+            rivals = [_anew(made, naive, rival) for rival in rivals]
+            begun = [{p.name: p.values for p in rival.placed} for rival in rivals]
+        lost = _stray(made, rivals, new)
         if attempt == PASSES or not lost.any():
             break
         added = _left_out(made, added, lost)
@@ -50,6 +56,28 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     if len({r.name for r, own in zip(ranked, near, strict=True) if own}) > 1:
         ranked = weigh(made, *found, [corrected(made, r) if n else r for r, n in zip(ranked, near, strict=True)])
     return _priced(ranked)
+
+
+def remaining(ranked: list[Explanation]) -> list[str]:
+    """Names that remain of what `resolve` returns."""
+    return [member.name for member in untold(ranked[0], ranked[1:], REMAINING)]
+
+
+def _anew(made: Bench, naive, rival: Explanation) -> Explanation:
+    """`rival`, or what its shapes come to from where a screening begins them, if that fits better: what no recording
+    showed of a shape may be far from what was stated."""
+    found, own = [rival], {p.name: p.values for p in rival.placed}
+    for i, name in shapes_of(rival.placed):
+        placed = rival.placed[i]
+        for value in _probed(made.training, naive[0].point, placed, name) - {placed.values[name]}:
+            found.append(_refitted(made, naive, own | {placed.name: placed.values | {name: value}}))
+    return min(found, key=lambda r: r.fitted.point.cost)
+
+
+def _probed(problem: Problem, point: Point, placed: Placed, name: str) -> set[float]:
+    """What a screening tries for the shape `name`."""
+    probes = placed.effect.probes(scales(problem, point), problem.simulator.base, placed.site)
+    return {probe[name] for probe in probes}
 
 
 def _priced(ranked: list[Explanation]) -> list[Explanation]:

@@ -107,10 +107,10 @@ def predicted(bench: Bench, explanations: Sequence[Explanation], shades: tuple[C
     return np.array([(all_.total - alone.total, all_.bent) for all_, alone in optima]).T
 
 
-def members(best: Explanation, others: list[Explanation]) -> list[Explanation]:
-    """`best` and those of the `others` that the recordings cannot tell from it."""
-    least = {False: MEMBERS, True: WORDY}
-    return [best, *(r for r in others if r.weight >= least[generalises(r, best)] * best.weight)] if best.placed else []
+def members(best: Explanation, others: list[Explanation], least: float = MEMBERS) -> list[Explanation]:
+    """`best` and those of the `others` that the recordings cannot tell from it, of at least `least` of its weight."""
+    needed = {False: least, True: WORDY}
+    return [best, *(r for r in others if r.weight >= needed[generalises(r, best)] * best.weight)] if best.placed else []
 
 
 def generalises(rival: Explanation, best: Explanation) -> bool:
