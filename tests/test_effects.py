@@ -10,6 +10,7 @@ import pytest
 
 from fimpact.effects import EFFECTS, get_effect, sites
 from fimpact.effects.base import ENTERS, Coefficient, Effect, Scales, Signal, State
+from fimpact.effects.gears import Shaft, coupled, encoders
 from fimpact.effects.native import editable
 from fimpact.effects.sensing import interpolate
 from fimpact.mismatch.callback import Bundle
@@ -92,7 +93,7 @@ class Rig:
         force = ctrl * [2.0, 1.0] if ctrl.shape[2] else ctrl
         joints, drivers = (tuple(column) for column in zip(*owners, strict=True))
         time = PERIOD * np.arange(ctrl.shape[1])[None]
-        return Signal(time, ctrl, self.channels, actuators, force, joints, drivers, (0.0,) * len(joints))
+        return Signal(time, ctrl, self.channels, actuators, force, joints, drivers)
 
 
 RIGS = {
@@ -113,9 +114,9 @@ def scales(name):
     return Scales(force, speed, travel, middle, command, command, measured, mass, length, 9.81, PERIOD, 1.0)
 
 
-def play(rig, model, ctrl, push=None, limit=None):
+def play(rig, model, ctrl, push=None, limit=None, gear=None):
     """States (T, nq + nv) after, and measurements (1, T, ny) before, each step; push: a force law of a State, limit: a
-    friction law for the elbow."""
+    friction law for the elbow, gear: one of any joint, with its site and values."""
     data, memory, states, measured = mujoco.MjData(model), {}, [], []
     mujoco.mj_resetData(model, data)
     data.qpos[:], data.qvel[:] = rig.qpos, rig.qvel
@@ -131,7 +132,15 @@ def play(rig, model, ctrl, push=None, limit=None):
                 data.qfrc_applied[:] = push(state)[0]
             else:
                 model.dof_frictionloss[1] = np.mean(limit(state))
+        if gear:
+            state = State(model, data.qpos[None], data.qvel[None], command[None], np.zeros(1), step, memory)
+            found = coupled(model, state, *gear)
+            dof, rotor = model.joint(gear[1]).dofadr[0], model.dof_armature.copy()
+            data.qfrc_applied[dof], model.dof_armature[dof] = found.pull[0], found.inertia[0]
         mujoco.mj_step(model, data)
+        if gear:
+            data.sensordata[encoders(model, gear[1])[0]] += found.lead[0]
+            model.dof_armature[:] = rotor
         measured.append(data.sensordata[places].copy())
         states.append(np.r_[data.qpos, data.qvel])
     return np.array(states), np.array(measured)[None]
@@ -151,7 +160,8 @@ def simulate(rig, effect=None, site="", values=None):
         push = lambda state: effect.law(state, site, **values)  # noqa: E731
     if effect and effect.enters == "friction":
         limit = lambda state: effect.law(state, site, **values)  # noqa: E731
-    states, measured = play(rig, model, ctrl, push, limit)
+    gear = (effect.law, site, values) if effect and effect.enters == "gear" else None
+    states, measured = play(rig, model, ctrl, push, limit, gear)
     if effect and effect.enters == "measurement":
         measured = effect.law(measured, rig.signal(ctrl), site, **values)
     return states, measured
@@ -411,19 +421,6 @@ def test_measurement_sites_name_their_columns():
     np.testing.assert_allclose(np.abs(turned[0, 0]), [0, 0, 0, 1], atol=1e-12)
 
 
-def test_motor_side_encoder():
-    """It leads the link in the direction of the motor's torque before the moment, and only there."""
-    rig = RIGS["arm"]
-    ctrl = np.tile([[0.5, 0.5]], (1, 6, 1)) * np.sign(np.arange(6) - 2.5)[None, :, None]
-    signal, flat = rig.signal(ctrl), np.zeros((1, 6, 4))
-    before = ctrl[0, [0, 0, 1, 2, 3, 4], 0]
-    lead = EFFECTS["backlash"].law(flat, signal, "shoulder", gap=0.02)[0, :, 0]
-    np.testing.assert_allclose(lead, 0.01 * np.sign(before))
-    lead = EFFECTS["joint_elasticity"].law(flat, signal, "shoulder", compliance=0.1)[0, :, 0]
-    np.testing.assert_allclose(lead, 0.2 * before)
-    assert not EFFECTS["backlash"].law(flat, signal, "shoulder", gap=0.02)[0, :, 1:].any()
-
-
 def test_sites_follow_the_model():
     """Nothing is proposed where it cannot act."""
     arm, ball = RIGS["arm"].model(), RIGS["ball"].model()
@@ -529,7 +526,9 @@ def test_laws_without_native_fields_stand_alone():
         name = bundle.add(effect.law)
         assert not any("fimpact" in line or "scipy" in line for line in bundle.imports)
         exec(bundle.text(), scope)
-        if effect.enters in ("force", "friction"):
+        if effect.enters == "gear":
+            given = [Shaft(np.ones(2), np.zeros(2), 0.01, PERIOD, {}) for _ in "ab"]
+        elif effect.enters in ("force", "friction"):
             given = [
                 State(model, np.full((1, 2), 0.3), np.ones((1, 2)), np.ones((1, 2)), np.zeros(1), PERIOD) for _ in "ab"
             ]
@@ -541,6 +540,8 @@ def test_laws_without_native_fields_stand_alone():
             law(*(g if isinstance(g, tuple) else (g,)), site, **values)
             for law, g in zip((scope[name], effect.law), given, strict=True)
         )
+        if effect.enters == "gear":
+            by_file, by_law = (np.array([f.pull, f.inertia, f.lead, f.rate]) for f in (by_file, by_law))
         np.testing.assert_array_equal(by_file, by_law)
 
 

@@ -219,26 +219,6 @@ def test_a_lag_shorter_than_a_step_is_read_at_the_instant_of_the_sample():
         assert np.abs(coarse[law] - coarse[0] - effect).max() < 0.2 * np.abs(effect).max()
 
 
-def test_what_gives_between_motor_and_link_is_late_at_the_instant_of_a_command():
-    """However stiff a gear: a force sensor that is read when the command jumps has not yet seen the jump."""
-    recording = record(6, runs=3)
-    torque = "<actuatorfrc name='torque' actuator='motor_1'/></sensor>"
-    recording = replace(recording, xml=recording.xml.replace("</sensor>", torque), channels=("encoder_1", "torque"))
-    windows, simulator = cut(recording.runs, 0), Simulator(recording)
-    starts = np.zeros((len(windows.runs), 2)), np.zeros((len(windows.runs), 2))
-    stiff = Placed(EFFECTS["joint_elasticity"], "joint_1", {"compliance": 1e-12})
-    rigid, late, blind = (
-        simulator.predict(Hypothesis(simulator.theta, placed), windows, *starts)
-        for placed in ((), (stiff,), (replace(stiff, effect=replace(stiff.effect, late=False)),))
-    )
-    np.testing.assert_allclose(late[:, 1:, 1], rigid[:, :-1, 1])
-    assert not late[:, 0, 1].any()
-    np.testing.assert_allclose(blind, rigid, atol=1e-9)
-    encoders = Simulator(replace(recording, channels=("encoder_1",)))
-    signal = encoders.commands.signal(windows, windows.length * encoders.substeps)
-    assert encoders.commands.given((stiff,), windows, signal)[1] is None
-
-
 def test_a_motion_is_not_simulated_again_where_only_what_is_measured_differs(nothing, monkeypatch):
     problem, point = nothing.bench.training, nothing.naming.naive.fitted.point
     simulator, runs = problem.simulator, []

@@ -20,7 +20,8 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.recordings import Recording, Run, Unknown
 
-XML = """<mujoco><option timestep="0.002"/><worldbody><body name="rod"><joint name="pivot" axis="0 1 0" damping="0.02"/>
+XML = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">
+<joint name="pivot" axis="0 1 0" damping="0.02" armature="0.003"/>
 <geom name="bar" type="capsule" fromto="0 0 0 0 0 -0.4" size="0.015" mass="0.3"/></body></worldbody>
 <actuator><motor name="motor" joint="pivot"/></actuator>
 <sensor><jointpos name="angle" joint="pivot"/></sensor></mujoco>"""
@@ -94,7 +95,10 @@ def test_a_law_without_a_field_runs_where_fimpact_is_not_installed(rubbing, tmp_
     assert done.stdout.strip() == "(5, 1)"
 
 
-@pytest.mark.parametrize("name", ["stribeck", "efficiency", "sensor_bias", "sensor_delay", "command_delay"])
+@pytest.mark.parametrize(
+    "name",
+    "stribeck efficiency joint_elasticity backlash sensor_bias sensor_delay command_delay".split(),
+)
 def test_exported_laws_are_ours_step_by_step(rubbing, tmp_path, monkeypatch, name):
     made, effect = bench(rubbing), EFFECTS[name]
     simulator, windows, (qpos, qvel) = made.training.simulator, made.held_out.windows, made.held_out.starts

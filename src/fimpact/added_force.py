@@ -14,7 +14,7 @@ def added_force(diagnosis: Diagnosis, dof: int) -> np.ndarray | None:
     alike. None where nothing was added that acts on the motion.
     """
     naming, simulator = diagnosis.naming, diagnosis.bench.training.simulator
-    acting = [p for p in naming.best.placed if p.effect.enters != "measurement"]
+    acting = [p for p in naming.best.placed if p.effect.enters not in ("measurement", "gear")]
     if not acting:
         return None
     location, windows = diagnosis.location, diagnosis.bench.training.windows

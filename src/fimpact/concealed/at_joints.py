@@ -151,6 +151,7 @@ def _behind(world, site):
     joint, degree = world.spec.joint(site), np.pi / 180
     behind = joint.parent.add_joint(name=f"{site}_behind", type=joint.type, axis=joint.axis)
     behind.armature, behind.stiffness, behind.damping = 0.0, np.zeros(3), np.zeros(3)
+    world.shafts.append(behind.name)
     link = world.spec.add_tendon(name=f"{site}_link", stiffness=joint.stiffness, damping=joint.damping)
     link.springlength = np.full(2, joint.springref * degree)
     link.wrap_joint(site, 1.0)

@@ -1,5 +1,6 @@
 """A rig to which physics is added, and its simulation in MuJoCo C: finely for the truth, coarsely for planning."""
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -12,6 +13,7 @@ from fimpact.concealed.rigs import Rig
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 HELD = 2.5e-4  # s
+LOCKED = 1e6  # kg m^2, of a shaft that does not turn
 # A draw that diverges is rejected; MuJoCo would print it and write a log file.
 mujoco.set_mju_user_warning(lambda message: None)
 DRIVEN = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
@@ -24,7 +26,8 @@ class World:
     spec: the mechanism. hooks: each makes, from (model, data) of one run, a function called before every step.
     commands: each maps commands per step (runs, N, nu) and the step in s to those that reach the motors.
     senses: each maps samples (runs, T, ny) to what the instruments report. delays: of each channel, s.
-    drift: how much faster the recorder's clock is read than true time, s/s.
+    drift: how much faster the recorder's clock is read than true time, s/s. shafts: joints that were added between
+    motors and links.
     """
 
     rig: Rig
@@ -35,6 +38,7 @@ class World:
     senses: list[Callable] = field(default_factory=list)
     delays: np.ndarray | None = None
     drift: float = 0.0
+    shafts: list[str] = field(default_factory=list)
 
     @property
     def hold(self) -> int:
@@ -88,7 +92,7 @@ def play(world: World, start: np.ndarray, ctrl: np.ndarray, push: np.ndarray | N
 
     push: disturbing generalised forces per step (runs, N, nv) or None. offset: of the recorder's clock (runs,), s.
     """
-    rig, model = world.rig, world.spec.compile()
+    rig, model = world.rig, compiled(world)
     count = ctrl.shape[1] * world.steps + int(np.ceil(max(world.drift, 0) * ctrl.shape[1] * world.steps)) + world.steps
     drive = _pad(np.repeat(ctrl, world.steps, axis=1), count)
     for change in world.commands:
@@ -104,6 +108,18 @@ def play(world: World, start: np.ndarray, ctrl: np.ndarray, push: np.ndarray | N
     return Played(
         states[:, : ctrl.shape[1] * per_sample : per_sample, keep], _sample(world, sensed, ctrl.shape[1], offset)
     )
+
+
+def compiled(world: World) -> mujoco.MjModel:
+    """The model of `world`, its contacts as soft as with rigid shafts: MuJoCo scales their stiffness by the inverse
+    inertia at rest, which a joint without inertia of its own would change, and with it more than what is planted."""
+    model = world.spec.compile()
+    if world.shafts:
+        rigid = copy.copy(model)
+        rigid.dof_armature[[model.joint(name).dofadr[0] for name in world.shafts]] = LOCKED
+        mujoco.mj_setConst(rigid, mujoco.MjData(rigid))
+        model.body_invweight0[:] = rigid.body_invweight0
+    return model
 
 
 def _pad(signal: np.ndarray, count: int) -> np.ndarray:

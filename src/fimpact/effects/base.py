@@ -1,11 +1,13 @@
 """What an effect is: one piece of physics that a model may lack, where it can sit and how it enters.
 
-An effect enters a simulation in one of five ways, and `Effect.enters` says which function it is:
+An effect enters a simulation in one of six ways, and `Effect.enters` says which function it is:
 
 - ``model``:   ``f(model, site, **values)`` edits the fields of a MuJoCo model in place (the native way).
 - ``force``:   ``f(state, site, **values)`` returns a generalised force, shape (n, nv), N or N m.
 - ``friction``: ``f(state, site, **values)`` returns the largest dry friction at positive and at negative speed of joint
   `site`, (n,) each, N or N m; MuJoCo holds and slides the joint within them.
+- ``gear``: ``f(shaft, site, **values)`` returns what a gear that gives does between motor and link of joint `site`, and
+  how far the motor is ahead (`fimpact.effects.gears`).
 - ``command``: ``f(ctrl, signal, site, **values)`` returns the commands that reach the plant, (runs, T, nu).
 - ``measurement``: ``f(measured, signal, site, **values)`` returns what the sensors report, (n, T, ny).
 
@@ -18,7 +20,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-ENTERS = ("model", "force", "friction", "command", "measurement")
+ENTERS = ("model", "force", "friction", "gear", "command", "measurement")
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ class Signal:
     time: (n, T), s since the start of the run. ctrl: (n, T, nu), as recorded. channels: names of the measured
     columns, (ny,). actuators: names of the command columns, (nu,). force: (n, T, nu), generalised force or
     force of each actuator. joint_of: the channel measures the position of this joint, or "" if it does not.
-    driven_by: the actuator that drives that joint, or -1. rotor: the joint's `armature`, kg m^2 or kg, or 0.
+    driven_by: the actuator that drives that joint, or -1.
     """
 
     time: np.ndarray
@@ -125,7 +127,6 @@ class Signal:
     force: np.ndarray
     joint_of: tuple[str, ...]
     driven_by: tuple[int, ...]
-    rotor: tuple[float, ...]
 
     def column(self, site: str) -> list[int]:
         """Columns that `site` names: one channel or actuator, or every one of them for "all"."""
@@ -146,8 +147,6 @@ class Effect:
     linear: the law is proportional to its amplitude parameters (all that are not `shape`), so a probe can be scaled.
     contains: names of effects that are special cases of this one.
     touching: it acts only while something touches: a property of the contact, or of the ground.
-    late: at the instant of a command the motors of joint `site` still push the links as before it: what gives between
-    the two has to wind up first. Force sensors that are read at such instants see it, however little gives.
     """
 
     name: str
@@ -165,7 +164,6 @@ class Effect:
     linear: bool = True
     contains: tuple[str, ...] = ()
     touching: bool = False
-    late: bool = False
 
 
 @dataclass(frozen=True)

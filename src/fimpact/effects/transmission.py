@@ -1,52 +1,12 @@
-"""Between motor and joint: play, elasticity, ripple and losses.
-
-Backlash and elasticity are quasi-static and seen by a motor-side encoder: what lies between encoder and link is shifted
-by the torque before the moment, the motor's less what turns the rotor itself.
-"""
+"""Between motor and joint: play, elasticity, ripple and losses."""
 
 import numpy as np
 
-from fimpact.effects import amounts, sites
-from fimpact.effects.base import Coefficient, Effect, Signal, State
+from fimpact.effects import amounts, gears, sites
+from fimpact.effects.base import Coefficient, Effect, State
 from fimpact.effects.drives import motor_force
 
 CYCLES = range(2, 26, 2)  # per turn; further apart, what lies between two of them would be seen by neither
-EASING = 0.1  # of the root mean square torque, below which play is not taken up
-
-
-def backlash(measured, signal: Signal, site, gap):
-    """The motor leads by half the gap in the direction in which it pushes."""
-
-    def lead(force):
-        return gap / 2 * np.tanh(force / (EASING * np.sqrt(np.mean(force**2)) + np.finfo(float).tiny))
-
-    return _encoder(measured, signal, site, lead)
-
-
-def joint_elasticity(measured, signal: Signal, site, compliance):
-    """The motor leads by the wind-up of the gear."""
-    return _encoder(measured, signal, site, lambda force: compliance * force)
-
-
-def _encoder(measured, signal: Signal, site, lead):
-    out = np.array(measured, float)
-    for column, joint in enumerate(signal.joint_of):
-        if joint == site and signal.driven_by[column] >= 0:
-            turning = signal.rotor[column] * _acceleration(signal.time, out[:, :, column])
-            force = signal.force[:, :, signal.driven_by[column]]
-            # At the instant of a command the gear still gives way to the one before.
-            held = np.concatenate([force[:, :1], force[:, :-1]], axis=1)
-            out[:, :, column] += lead(held - turning)
-    return out
-
-
-def _acceleration(time, position):
-    """Second differences, (n, T), in the middle of three samples; those at the ends are repeated."""
-    out = np.zeros_like(position)
-    if position.shape[1] > 2:
-        out[:, 1:-1] = np.diff(position, 2) / (time[:, 1:2] - time[:, :1]) ** 2
-        out[:, 0], out[:, -1] = out[:, 1], out[:, -2]
-    return out
 
 
 def torque_ripple(state: State, site, sine, cosine, cycles):
@@ -67,7 +27,9 @@ def _gap_probes(scales, model, site):
 
 
 def _compliance_probes(scales, model, site):
-    return [{"compliance": amounts.SMALL * amounts.travel(scales, model, site) / amounts.force(scales, model, site)}]
+    wound = amounts.SMALL * amounts.travel(scales, model, site) / amounts.force(scales, model, site)
+    # A force sensor sees the least of it, an encoder only what is more than its noise.
+    return [{"compliance": part * wound, "retardation": scales.period} for part in (1.0, 0.1)]
 
 
 def _ripple_probes(scales, model, site):
@@ -80,30 +42,33 @@ EFFECTS = (
     Effect(
         name="backlash",
         family="transmission",
-        equation="q_encoder = q + (b/2) tanh(τ/ε),  τ = τ_motor − I_rotor q̈,  ε = 0.1 rms(τ)",
+        equation="q_encoder = q + d,  |d| ≤ b/2;  I_rotor (d̈ + q̈) = τ_motor within it, d = ± b/2 while pushed there",
         sentence="Play in the gear: the motor-side encoder leads the link by half the gap, to the side it pushes.",
         reference="Nordin, Gutman, Automatica 38(10), 2002",
-        enters="measurement",
+        enters="gear",
         coefficients=(Coefficient("gap", "rad", low=0.0),),
         sites=sites.encoded,
         probes=_gap_probes,
-        law=backlash,
+        law=gears.loose,
         neutral={"gap": 0.0},
-        late=True,
+        linear=False,
     ),
     Effect(
         name="joint_elasticity",
         family="transmission",
-        equation="q_encoder = q + (τ_motor − I_rotor q̈)/K",
+        equation="q_encoder = q + d,  I_rotor (d̈ + q̈) = τ_motor − (d + T ḋ)/C",
         sentence="An elastic gear or belt: the motor-side encoder runs ahead of the link by its wind-up.",
         reference="Spong, J. Dyn. Syst. Meas. Control 109(4), 1987",
-        enters="measurement",
-        coefficients=(Coefficient("compliance", "rad/(N m)", low=0.0),),
+        enters="gear",
+        coefficients=(
+            Coefficient("compliance", "rad/(N m)", low=0.0),
+            Coefficient("retardation", "s", low=0.0, shape=True),
+        ),
         sites=sites.encoded,
         probes=_compliance_probes,
-        law=joint_elasticity,
-        neutral={"compliance": 0.0},
-        late=True,
+        law=gears.elastic,
+        neutral={"compliance": 0.0, "retardation": 1.0},
+        linear=False,
     ),
     Effect(
         name="torque_ripple",

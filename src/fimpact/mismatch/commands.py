@@ -22,7 +22,7 @@ class Commands:
         self.model, self.recording, self.substeps = model, recording, substeps
         sensors = [model.sensor(name.partition("[")[0]).id for name in recording.channels]
         # What a sensor of forces or accelerations reads depends on the command of the very moment.
-        self._instant = bool(np.any(model.sensor_needstage[sensors] == mujoco.mjtStage.mjSTAGE_ACC))
+        self.instant = bool(np.any(model.sensor_needstage[sensors] == mujoco.mjtStage.mjSTAGE_ACC))
 
     def signal(self, windows: Windows, steps: int, period: float | None = None) -> Signal:
         """Times and commands of `windows` at the first `steps` simulation steps, or `period`, s, apart."""
@@ -44,8 +44,7 @@ class Commands:
         joints = tuple(_joint_of(model, name) for name in self.recording.channels)
         driven = tuple(_driver(model, joint) for joint in joints)
         actuators = tuple(model.actuator(i).name for i in range(model.nu))
-        rotor = tuple(float(model.joint(name).armature[0]) if name else 0.0 for name in joints)
-        return Signal(np.zeros((0, 0)), none, self.recording.channels, actuators, none, joints, driven, rotor)
+        return Signal(np.zeros((0, 0)), none, self.recording.channels, actuators, none, joints, driven)
 
     def given(self, placed: Sequence[Placed], windows: Windows, signal: Signal) -> tuple[np.ndarray, np.ndarray | None]:
         """Mean command over each step, (w, n, nu), and that at its start if effects make them differ and sensors show
@@ -55,28 +54,17 @@ class Commands:
         that is read at its start knows nothing yet of its end.
         """
         laws = [p for p in placed if p.effect.enters == "command"]
-        late = late_actuators(self.model, placed) if self._instant else []
-        if not (laws or late):
+        if not laws:
             return signal.ctrl, None
         # Whole runs, because a window's first commands depend on those before it.
-        finer = FINER if laws else 1
-        ctrl = np.repeat(windows.ctrl, self.substeps * finer, 1)
-        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.model.opt.timestep / finer), ctrl.shape[:2])
+        ctrl = np.repeat(windows.ctrl, self.substeps * FINER, 1)
+        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.model.opt.timestep / FINER), ctrl.shape[:2])
         for law in laws:
             ctrl = law.effect.law(ctrl, self.describe(time, ctrl), law.site, **law.values)
-        pieces = ctrl.reshape(len(ctrl), -1, finer, ctrl.shape[2])
-        instant = pieces[:, :, 0].copy()
-        instant[:, 1:, late], instant[:, :1, late] = pieces[:, :-1, -1, late], 0.0
+        pieces = ctrl.reshape(len(ctrl), -1, FINER, ctrl.shape[2])
         steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
         rows = windows.runs[:, None], steps
-        return pieces.mean(2)[rows], instant[rows] if self._instant else None
-
-
-def late_actuators(model: mujoco.MjModel, placed: Sequence[Placed]) -> list[int]:
-    """Actuators of joints with an effect that keeps commands from the links at first (`Effect.late`)."""
-    joints = [model.joint(p.site).id for p in placed if p.effect.late]
-    direct = np.isin(model.actuator_trntype, [int(kind) for kind in DIRECT])
-    return np.flatnonzero(direct & np.isin(model.actuator_trnid[:, 0], joints)).tolist()
+        return pieces.mean(2)[rows], pieces[:, :, 0][rows] if self.instant else None
 
 
 def _joint_of(model: mujoco.MjModel, channel: str) -> str:

@@ -19,7 +19,6 @@ from fimpact.effects.base import Placed
 from fimpact.effects.native import exporting
 from fimpact.mismatch import player
 from fimpact.mismatch.callback import Bundle, listed
-from fimpact.mismatch.commands import late_actuators
 from fimpact.mismatch.diagnose import Diagnosis, in_words
 from fimpact.recordings import FIELDS
 
@@ -39,6 +38,7 @@ LISTS = {
     "model": "EDITS",
     "force": "FORCES",
     "friction": "FRICTIONS",
+    "gear": "GEARS",
     "command": "COMMANDS",
     "measurement": "MEASUREMENTS",
 }
@@ -226,13 +226,11 @@ def _constants(diagnosis: Diagnosis) -> dict[str, str]:
     signal = simulator.commands.describe(np.zeros((1, 1)), np.ones((1, 1, base.nu)))
     values = {
         "PERIOD": float(recording.period),
-        "LATE": tuple(late_actuators(base, diagnosis.naming.best.placed)),
         "PAST": _past(diagnosis),
         "CHANNELS": tuple(recording.channels),
         "ACTUATORS": signal.actuators,
         "JOINT_OF": signal.joint_of,
         "DRIVEN_BY": signal.driven_by,
-        "ROTOR": signal.rotor,
         "GAINS": tuple(signal.force[0, 0].tolist()),
     }
     return {name: repr(value) for name, value in values.items()}

@@ -7,14 +7,14 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Signal, State
+from fimpact.effects.gears import coupled, encoders
 
 # Each law comes with the name of its site and its values.
-EDITS, FORCES, FRICTIONS, COMMANDS, MEASUREMENTS = [], [], [], [], []
+EDITS, FORCES, FRICTIONS, GEARS, COMMANDS, MEASUREMENTS = [], [], [], [], [], []
 PERIOD = 0.0
-LATE = ()  # numbers of the actuators whose commands do not reach the links at once
 PAST = 0  # rows of commands that actuators with a lag or delay remember
 FINER = 16  # pieces of a step in which a law between command and motor is evaluated
-CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, ROTOR, GAINS = (), (), (), (), (), ()
+CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, GAINS = (), (), (), (), ()
 
 
 def load(path):
@@ -32,11 +32,12 @@ class Stepper:
 
     def __init__(self, model, data):
         self.model, self.data, self.memory, self.before = model, data, {}, None
-        self.own = np.array(model.dof_frictionloss)
+        self.own = np.array(model.dof_frictionloss), np.array(model.dof_armature)
 
     def step(self, ctrl, instant=None):
-        """Hold the commands `ctrl` (nu,) over one time step; the added forces go to `data.qfrc_applied`,
-        and dry friction that changes to `model.dof_frictionloss` for the time of the step.
+        """Hold the commands `ctrl` (nu,) over one time step; the added forces go to `data.qfrc_applied`, dry friction
+        that changes to `model.dof_frictionloss` and what a gear lets through of a rotor to `model.dof_armature`, for
+        the time of the step.
 
         Returns:
             What the sensors read at its start, (nsensordata,), where the commands are `instant` (nu,).
@@ -46,10 +47,27 @@ class Stepper:
         now = np.concatenate([data.qpos, data.qvel])
         # Half a step ahead, so that holding the force over the step is accurate to second order.
         ahead = now if self.before is None else now + (now - self.before) / 2
-        position, speed = ahead[None, : model.nq], ahead[None, model.nq :]
-        seen = State(
-            model, position, speed, data.ctrl[None].copy(), np.array([data.time]), model.opt.timestep, self.memory
-        )
+        self.before = now
+        self._push(self._state(ahead))
+        gears = [(site, coupled(model, self._state(now), law, site, values)) for law, site, values in GEARS]
+        read = self._at_once(instant, gears) if instant is not None else None
+        for site, found in gears:
+            self._couple(site, found.pull, found.inertia)
+        mujoco.mj_step(model, data)
+        read = data.sensordata.copy() if read is None else read
+        for site, found in gears:
+            for columns, lead in zip(encoders(model, site), (found.lead, found.rate), strict=True):
+                read[columns] += lead[0]
+        model.dof_frictionloss[:], model.dof_armature[:] = self.own
+        return read
+
+    def _state(self, at):
+        model, data = self.model, self.data
+        position, speed, time = at[None, : model.nq], at[None, model.nq :], np.array([data.time])
+        return State(model, position, speed, data.ctrl[None].copy(), time, model.opt.timestep, self.memory)
+
+    def _push(self, seen):
+        model, data = self.model, self.data
         data.qfrc_applied[:] = sum((law(seen, site, **values)[0] for law, site, values in FORCES), np.zeros(model.nv))
         for law, site, values in FRICTIONS:
             forward, backward = (float(limit[0]) for limit in law(seen, site, **values))
@@ -57,14 +75,20 @@ class Stepper:
             # Unequal limits are equal ones beside a constant force.
             model.dof_frictionloss[dof] += (forward + backward) / 2
             data.qfrc_applied[dof] += (backward - forward) / 2
-        self.before, read = now, None
-        if instant is not None:
-            data.ctrl[:] = instant
-            mujoco.mj_forward(model, data)
-            read, data.ctrl[:] = data.sensordata.copy(), ctrl
-        mujoco.mj_step(model, data)
-        model.dof_frictionloss[:] = self.own
-        return data.sensordata.copy() if read is None else read
+
+    def _couple(self, site, pull, inertia):
+        dof = self.model.joint(site).dofadr[0]
+        self.data.qfrc_applied[dof] += pull[0]
+        self.model.dof_armature[dof] = inertia[0]
+
+    def _at_once(self, instant, gears):
+        model, data = self.model, self.data
+        held, pushed, data.ctrl[:] = data.ctrl.copy(), data.qfrc_applied.copy(), instant
+        for site, found in gears:
+            self._couple(site, *found.at_once)
+        mujoco.mj_forward(model, data)
+        data.ctrl[:], data.qfrc_applied[:] = held, pushed
+        return data.sensordata.copy()
 
 
 def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
@@ -87,7 +111,7 @@ def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
     stepper, rows = Stepper(model, data), []
     for k in range(samples * substeps):
         row = min(begin + k, len(drive) - 1)
-        read = stepper.step(drive[row], instant[row] if (COMMANDS or LATE) and k % substeps == 0 else None)
+        read = stepper.step(drive[row], instant[row] if (COMMANDS or GEARS) and k % substeps == 0 else None)
         if k % substeps == 0:
             rows.append(read[columns])
     return measurements(np.array(rows), ctrl, first)
@@ -102,9 +126,7 @@ def commands(ctrl, substeps):
     for law, site, values in COMMANDS:
         drive = law(drive, _signal(time, drive), site, **values)
     steps = drive[0].reshape(len(ctrl) * substeps, pieces // substeps, drive.shape[2])
-    instant, late = steps[:, 0].copy(), list(LATE)
-    instant[1:, late], instant[:1, late] = steps[:-1, -1, late], 0.0
-    return steps.mean(1), instant
+    return steps.mean(1), steps[:, 0]
 
 
 def measurements(read, ctrl, first=0):
@@ -118,7 +140,7 @@ def measurements(read, ctrl, first=0):
 
 
 def _signal(time, ctrl):
-    return Signal(time, ctrl, CHANNELS, ACTUATORS, ctrl * np.array(GAINS), JOINT_OF, DRIVEN_BY, ROTOR)
+    return Signal(time, ctrl, CHANNELS, ACTUATORS, ctrl * np.array(GAINS), JOINT_OF, DRIVEN_BY)
 
 
 def _column(model, channel):

@@ -145,10 +145,10 @@ class _Secant:
 
 
 def _times(placed: Placed, share: float) -> Placed:
-    """The effect with its amplitudes multiplied, less what comes at once however small it is: that has no slope."""
+    """The effect with its amplitudes multiplied."""
     shapes = {c.name for c in placed.effect.coefficients if c.shape}
     values = {k: v if k in shapes else v * share for k, v in placed.values.items()}
-    return replace(placed, effect=replace(placed.effect, late=False), values=values)
+    return replace(placed, values=values)
 
 
 def rescore(fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:

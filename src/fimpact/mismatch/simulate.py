@@ -14,12 +14,15 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from fimpact.effects.base import Placed, State
+from fimpact.effects.gears import coupled, encoders
 from fimpact.effects.native import editable
-from fimpact.mismatch.commands import Commands, late_actuators
+from fimpact.mismatch.commands import Commands
 from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS, Recording
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
+LAWS = ("force", "friction", "gear")  # what is asked once per step
+OWN = ("friction", "gear")  # what changes fields of the model from step to step, other ones in each window
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
@@ -130,20 +133,18 @@ class Simulator:
         """All sensors after each step, (w, n, sensors); those of the last call where it was the same motion, for often
         only what is measured of it differs, or nothing."""
         moving = [(p.name, sorted(p.values.items())) for p in hypothesis.placed if p.effect.enters != "measurement"]
-        late = late_actuators(self.base, hypothesis.placed)
         states = [part.tobytes() for part in (windows.runs, windows.first, qpos, qvel)]
-        key = hypothesis.theta.tobytes(), repr((moving, late)), windows.length, *states
+        key = hypothesis.theta.tobytes(), repr(moving), windows.length, *states
         alone = push is None
         if alone and self._sensed[0] == key and self._sensed[1] is windows.ctrl:
             return self._sensed[2]
-        # Friction that changes is a field of the model, and a model for each window.
-        own = len(qpos) * any(placed.effect.enters == "friction" for placed in hypothesis.placed)
+        own = len(qpos) * any(placed.effect.enters in OWN for placed in hypothesis.placed)
         model, copies = self._models(hypothesis, own)
         signal = self.commands.signal(windows, windows.length * self.substeps)
         ctrl, instant = self.commands.given(hypothesis.placed, windows, signal)
         push = np.zeros((1, 1, model.nv)) if alone else push
         force = np.repeat(push, ctrl.shape[1] // push.shape[1], 1)
-        laws = [placed for placed in hypothesis.placed if placed.effect.enters in ("force", "friction")]
+        laws = [placed for placed in hypothesis.placed if placed.effect.enters in LAWS]
         run = self._lockstep if laws else self._rollout
         force = np.broadcast_to(force, (len(ctrl), *force.shape[1:]))
         sensed = run(model, copies, signal, ctrl, instant, force, qpos, qvel, laws)
@@ -185,37 +186,82 @@ class Simulator:
         state, memory = self._pack(qpos, qvel), {}
         before, after, (w, steps) = state, np.empty((len(state), 1, state.shape[1])), ctrl.shape[:2]
         sensed = np.empty((steps, w, 1, model.nsensordata))
-        models = copies or [model] * w
+        models, acting = copies or [model] * w, Acting(model, copies, laws)
         for k in range(steps):
             # Half a step ahead, so that holding the force over the step is accurate to second order.
             ahead = state + (state - before) / 2
-            seen = State(
-                model,
-                ahead[:, 1 : 1 + model.nq],
-                ahead[:, 1 + model.nq : 1 + model.nq + model.nv],
-                ctrl[:, k],
-                signal.time[:, k],
-                model.opt.timestep,
-                memory,
-            )
-            pull = force[:, k].copy()
-            limits = np.tile(model.dof_frictionloss, (w, 1))
-            for law in laws:
-                _act(law, seen, pull, limits)
-            for own, row in zip(copies, limits, strict=True) if copies else ():
-                own.dof_frictionloss[:] = row
+            now, seen = (self._seen(model, own, ctrl[:, k], signal.time[:, k], memory) for own in (state, ahead))
+            reads = k % self.substeps == 0
+            pull, at_once = acting(now, seen, force[:, k])
             control = np.concatenate([ctrl[:, k], pull], 1)[:, None]
             sizes = {"nstep": 1, "control_spec": CONTROL, "skip_checks": True}
             self._engine.rollout(models, self._data, state, control, state=after, sensordata=sensed[k], **sizes)
-            if instant is not None and k % self.substeps == 0:
-                control[:, 0, : model.nu] = instant[:, k]
+            if reads and (instant is not None or (acting.gears and self.commands.instant)):
+                acting.begin()
+                control[:, 0] = np.concatenate([ctrl[:, k] if instant is None else instant[:, k], at_once], 1)
                 self._engine.rollout(models, self._data, state, control, sensordata=sensed[k], **sizes)
+            acting.read(sensed[k, :, 0])
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].transpose(1, 0, 2)
+
+    @staticmethod
+    def _seen(model, state, ctrl, time, memory) -> State:
+        qpos, qvel = state[:, 1 : 1 + model.nq], state[:, 1 + model.nq : 1 + model.nq + model.nv]
+        return State(model, qpos, qvel, ctrl, time, model.opt.timestep, memory)
 
     def _pack(self, qpos, qvel) -> np.ndarray:
         rest = np.zeros((len(qpos), self.base.na))
         return np.concatenate([np.zeros((len(qpos), 1)), qpos, qvel, rest], 1)
+
+
+class Acting:
+    """What laws do in one step after the other, in the fields of the models of all windows, `copies`, and as forces."""
+
+    def __init__(self, model: mujoco.MjModel, copies: list[mujoco.MjModel], laws: list[Placed]):
+        self.model, self.copies = model, copies
+        self.laws = [law for law in laws if law.effect.enters != "gear"]
+        self.gears = [law for law in laws if law.effect.enters == "gear"]
+        self._found: list = []
+
+    def __call__(self, now: State, seen: State, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Generalised forces beside the motors', mean over the step and at its start, (w, nv) each.
+
+        Args:
+            now, seen: the states at the start of the step, for gears, and half a step ahead, for all other laws.
+            force: what acts anyway.
+        """
+        pull, limits = force.copy(), np.tile(self.model.dof_frictionloss, (len(force), 1))
+        for law in self.laws:
+            _act(law, seen, pull, limits)
+        at_once = pull.copy()
+        self._found = [coupled(self.model, now, law.effect.law, law.site, law.values) for law in self.gears]
+        for law, found in zip(self.gears, self._found, strict=True):
+            dof = self._dof(law)
+            pull[:, dof] += found.pull
+            at_once[:, dof] += found.at_once[0]
+        for own, row in zip(self.copies, limits, strict=True) if self.copies else ():
+            own.dof_frictionloss[:] = row
+        self._felt([found.inertia for found in self._found])
+        return pull, at_once
+
+    def begin(self) -> None:
+        """Inertia as it is felt at the very start of the step."""
+        self._felt([found.at_once[1] for found in self._found])
+
+    def read(self, sensed: np.ndarray) -> None:
+        """Put encoders, (w, nsensordata), where their motors are."""
+        for law, found in zip(self.gears, self._found, strict=True):
+            for columns, ahead in zip(encoders(self.model, law.site), (found.lead, found.rate), strict=True):
+                sensed[:, columns] += ahead[:, None]
+
+    def _felt(self, inertias: list[np.ndarray]) -> None:
+        for law, inertia in zip(self.gears, inertias, strict=True):
+            dof = self._dof(law)
+            for own, felt in zip(self.copies, inertia, strict=True):
+                own.dof_armature[dof] = felt
+
+    def _dof(self, law: Placed) -> int:
+        return self.model.joint(law.site).dofadr[0]
 
 
 def _act(law: Placed, seen: State, pull: np.ndarray, limits: np.ndarray) -> None:
