@@ -33,7 +33,8 @@ REFERENCE += ["example-arm.gif", "example-block.gif"]
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
 EFFECTS = (
-    "__init__ actuation amounts base contact drives environment friction gears native sensing sites structure transmission"
+    "__init__ actuation amounts base contact drives environment friction gears native sensing sites structure "
+    "transmission"
 )
 CORE = (
     "__init__ bounded colour commands evidence explain fit judge player price problem pulses scales score simulate "
