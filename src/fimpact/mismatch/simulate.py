@@ -222,6 +222,8 @@ class Acting:
         self.laws = [law for law in laws if law.effect.enters != "gear"]
         self.gears = [law for law in laws if law.effect.enters == "gear"]
         self._found: list = []
+        for own in copies:  # they are used again, and a gear leaves them as they were in its last step
+            own.dof_armature[:] = model.dof_armature
 
     def __call__(self, now: State, seen: State, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Generalised forces beside the motors', mean over the step and at its start, (w, nv) each.
