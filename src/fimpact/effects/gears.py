@@ -14,7 +14,7 @@ import numpy as np
 from fimpact.effects.base import State
 from fimpact.effects.drives import motor_force
 
-PARTS = 8  # of a step, in each of which a rotor is either loose or at one end of its play
+PARTS = 4  # of a step, in each of which a rotor is either loose or at one end of its play
 
 
 @dataclass(frozen=True)
@@ -103,19 +103,19 @@ def loose(shaft: Shaft, site: str, gap: float) -> Coupling:
 def _through(shaft: Shaft, end: np.ndarray, held: np.ndarray, last: np.ndarray, gap: float):
     """Lead and rate after the step where the link does not accelerate, (2, n), what they lose for each unit of its
     acceleration, (2, n), and the end of the play at which the rotor then is, 0 for none."""
-    part, drive, slope = shaft.step / PARTS, shaft.torque / shaft.rotor, np.zeros_like(end)
+    part, drive, (lead, rate) = shaft.step / PARTS, shaft.torque / shaft.rotor, end
+    less, slower = np.zeros_like(end)
     for _ in range(PARTS):
         free = held == 0
-        lead = end[0] + part * end[1] + part**2 / 2 * drive, slope[0] + part * slope[1] + part**2 / 2
-        rate = end[1] + part * drive, slope[1] + part
-        place = lead[0] - lead[1] * last
-        hit = free & (np.abs(place) >= gap / 2)
-        held = np.where(hit, np.sign(place), held)
-        ends = np.stack([held * gap / 2, np.zeros_like(held)])
-        end = np.where(held == 0, np.stack([lead[0], rate[0]]), ends)
-        slope = np.where(held == 0, np.stack([lead[1], rate[1]]), 0.0)
-        held = np.where((held != 0) & (held * (drive - last) <= 0), 0.0, held)
-    return end, slope, held
+        lead, less = lead + free * part * (rate + part / 2 * drive), less + free * part * (slower + part / 2)
+        rate, slower = rate + free * part * drive, slower + free * part
+        place = lead - less * last
+        met = free & (np.abs(place) >= gap / 2)
+        held = np.where(met, np.sign(place), held)
+        lead = np.where(met, held * gap / 2, lead)
+        less, rate, slower = (np.where(met, 0.0, own) for own in (less, rate, slower))
+        held = np.where(held * (drive - last) > 0, held, 0.0)
+    return np.stack([lead, rate]), np.stack([less, slower]), held
 
 
 def _arrived(shaft: Shaft) -> np.ndarray | None:

@@ -218,12 +218,16 @@ class Acting:
     """What laws do in one step after the other, in the fields of the models of all windows, `copies`, and as forces."""
 
     def __init__(self, model: mujoco.MjModel, copies: list[mujoco.MjModel], laws: list[Placed]):
-        self.model, self.copies = model, copies
+        self.model = model
         self.laws = [law for law in laws if law.effect.enters != "gear"]
         self.gears = [law for law in laws if law.effect.enters == "gear"]
         self._found: list = []
-        for own in copies:  # they are used again, and a gear leaves them as they were in its last step
-            own.dof_armature[:] = model.dof_armature
+        # Asking a model for a field takes longer than writing into it.
+        rubbing = any(law.effect.enters == "friction" for law in laws)
+        self._losses = [own.dof_frictionloss for own in copies] if rubbing else []
+        self._armatures = [own.dof_armature for own in copies]
+        for own in self._armatures:  # a gear leaves them as they were in its last step
+            own[:] = model.dof_armature
 
     def __call__(self, now: State, seen: State, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Generalised forces beside the motors', mean over the step and at its start, (w, nv) each.
@@ -241,8 +245,8 @@ class Acting:
             dof = self._dof(law)
             pull[:, dof] += found.pull
             at_once[:, dof] += found.at_once[0]
-        for own, row in zip(self.copies, limits, strict=True) if self.copies else ():
-            own.dof_frictionloss[:] = row
+        for own, row in zip(self._losses, limits, strict=True) if self._losses else ():
+            own[:] = row
         self._felt([found.inertia for found in self._found])
         return pull, at_once
 
@@ -259,8 +263,8 @@ class Acting:
     def _felt(self, inertias: list[np.ndarray]) -> None:
         for law, inertia in zip(self.gears, inertias, strict=True):
             dof = self._dof(law)
-            for own, felt in zip(self.copies, inertia, strict=True):
-                own.dof_armature[dof] = felt
+            for own, felt in zip(self._armatures, inertia.tolist(), strict=True):
+                own[dof] = felt
 
     def _dof(self, law: Placed) -> int:
         return self.model.joint(law.site).dofadr[0]
