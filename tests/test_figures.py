@@ -62,6 +62,7 @@ def test_experiments_that_tell_nothing_are_drawn_as_none(monkeypatch):
 def test_ticks_are_round_and_few():
     assert log_places(0.015, 0.6) == pytest.approx([0.02, 0.05, 0.1, 0.2, 0.5])
     assert log_places(0.98, 1.25) == pytest.approx([1, 1.1, 1.2])
+    assert log_places(0.989, 1.024) == pytest.approx([0.99, 1, 1.01, 1.02])
     assert log_places(1, 1e5) == [1, 10, 100, 1e3, 1e4, 1e5]
     assert (power(1e4), power(2e4)) == ("$10^{4}$", r"$2 \times 10^{4}$")
 

@@ -97,6 +97,15 @@ def test_a_stiff_gear_is_rigid_but_not_at_once():
     assert found.at_once[0][0] == pytest.approx(1.0 - 3.0, rel=1e-3) and found.at_once[1][0] == 0.0
 
 
+def test_a_rotor_without_inertia_winds_up_all_the_same():
+    memory, leads = {}, []
+    for torque in (0.0, 2.0, 2.0, 2.0):
+        found = elastic(Shaft(np.array([torque]), np.zeros(1), 0.0, PERIOD, memory), "hinge", 0.01, retardation=PERIOD)
+        leads.append(found.lead[0])
+    assert leads == pytest.approx([0.0, 0.0, 0.02 * (1 - np.exp(-1)), 0.02 * (1 - np.exp(-2))])
+    assert not found.pull.any() and not found.inertia.any()
+
+
 LAWS = {
     "elastic": lambda shaft: elastic(shaft, "", compliance=0.01, retardation=1e-3),
     "loose": lambda shaft: loose(shaft, "", gap=0.01),

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullLocator
 
 # Okabe-Ito colours; line style and marker tell the methods apart in black and white.
 METHODS = {
@@ -53,13 +53,16 @@ def log_ticks(axis: Axis, low: float, high: float, label) -> None:
 
 
 def log_places(low: float, high: float, most: int = 7) -> list[float]:
-    """Round multiples of powers of ten between `low` and `high`, the finest set that has no more than `most`."""
+    """Round multiples of powers of ten between `low` and `high`, the finest set that has no more than `most`; where
+    that is none or one, round numbers."""
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     fine = 1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.7, 2, 3, 5, 7
     for factors in (fine, (1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1,)):
         places = [float(place) for place in np.outer(decades, factors).ravel() if low <= place <= high]
         if len(places) <= most:
             break
+    if len(places) < 2:
+        return [float(place) for place in MaxNLocator(4).tick_values(low, high) if low <= place <= high]
     return places
 
 

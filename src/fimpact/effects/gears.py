@@ -65,7 +65,7 @@ def elastic(shaft: Shaft, site: str, compliance: float, retardation: float) -> C
     inertia, step = np.full_like(shaft.torque, shaft.rotor), shaft.step
     rigid = np.zeros_like(inertia), inertia
     if compliance <= 0 or shaft.rotor <= 0:
-        return Coupling(*rigid, rigid, compliance * shaft.torque, rigid[0])
+        return Coupling(*rigid, rigid, *_wound(shaft, compliance, retardation))
     square = 1 / (compliance * shaft.rotor)
     moved, pushed = _swing(square, retardation, step)
     found = _arrived(shaft)
@@ -79,6 +79,15 @@ def elastic(shaft: Shaft, site: str, compliance: float, retardation: float) -> C
     carried = (lead + retardation * rate) / compliance
     pull, felt = _mean(shaft, rate, end[1], pushed[1])
     return Coupling(pull, felt, (carried - shaft.torque, rigid[0]), lead, rate)
+
+
+def _wound(shaft: Shaft, compliance: float, retardation: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lead and rate of a rotor without inertia: it carries all of the torque, and only its winding up takes time."""
+    rest = compliance * shaft.torque
+    lead = shaft.memory.get("lead", rest)
+    decayed = np.exp(-shaft.step / retardation) if retardation > 0 else 0.0
+    shaft.memory["lead"] = rest + (lead - rest) * decayed
+    return lead, (shaft.memory["lead"] - lead) / shaft.step
 
 
 def loose(shaft: Shaft, site: str, gap: float) -> Coupling:
