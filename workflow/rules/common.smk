@@ -84,7 +84,7 @@ STAGES = {
     + "tables looks scene stage gif motion film added_force report_figures report_look report_where".split()
     + "experiment report diagnose_recording effects/own".split(),
     "compare_recording": [*READ, *OTHERS, *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
-    + ["effects/base", "effects/native", "compare_recording"],
+    + [*(f"effects/{name}" for name in "base drives gears native sites".split()), "compare_recording"],
     "recordings_summary": ["__init__", "tables", "rig_summary"],
 }
 
