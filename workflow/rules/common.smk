@@ -37,7 +37,7 @@ EFFECTS = (
     "transmission"
 )
 CORE = (
-    "__init__ bounded colour commands evidence explain fit judge player price problem pulses scales score simulate "
+    "__init__ acting bounded colour commands evidence explain fit judge player price problem pulses scales score simulate "
     "starts tangent windows"
 ).split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]

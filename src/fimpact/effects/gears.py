@@ -49,7 +49,9 @@ def coupled(model: mujoco.MjModel, state: State, law, site: str, values: dict[st
     """What the gear `law` does at joint `site` in the step that begins at `state`."""
     memory = state.memory.setdefault(("gear", site), {})
     dof, _, speed = state.joint(site)
-    shaft = Shaft(motor_force(state, site), speed, float(model.dof_armature[dof]), state.step, memory)
+    # As it was at first: while a step lasts, what the link feels stands there.
+    rotor = memory.setdefault("rotor", float(model.dof_armature[dof]))
+    shaft = Shaft(motor_force(state, site), speed, rotor, state.step, memory)
     return law(shaft, site, **values)
 
 
@@ -62,12 +64,13 @@ def encoders(model: mujoco.MjModel, site: str) -> tuple[list[int], list[int]]:
 
 def elastic(shaft: Shaft, site: str, compliance: float, retardation: float) -> Coupling:
     """A spring, rad/(N m) or m/N, beside a damper of `retardation`, s, times its stiffness (Kelvin-Voigt)."""
-    inertia, step = np.full_like(shaft.torque, shaft.rotor), shaft.step
+    inertia = np.full_like(shaft.torque, shaft.rotor)
     rigid = np.zeros_like(inertia), inertia
     if compliance <= 0 or shaft.rotor <= 0:
         return Coupling(*rigid, rigid, *_wound(shaft, compliance, retardation))
-    square = 1 / (compliance * shaft.rotor)
-    moved, pushed = _swing(square, retardation, step)
+    if "swing" not in shaft.memory:
+        shaft.memory["swing"] = _swing(1 / (compliance * shaft.rotor), retardation, shaft.step)
+    moved, pushed = shaft.memory["swing"]
     found = _arrived(shaft)
     if found is None:  # until the link's acceleration is known, the spring is wound up by what it must carry
         rest = compliance * shaft.torque

@@ -14,15 +14,14 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from fimpact.effects.base import Placed, State
-from fimpact.effects.gears import coupled, encoders
 from fimpact.effects.native import editable
+from fimpact.mismatch.acting import OWN, Acting
 from fimpact.mismatch.commands import Commands
 from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS, Recording
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
 LAWS = ("force", "friction", "gear")  # what is asked once per step
-OWN = ("friction", "gear")  # what changes fields of the model from step to step, other ones in each window
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
@@ -212,74 +211,6 @@ class Simulator:
     def _pack(self, qpos, qvel) -> np.ndarray:
         rest = np.zeros((len(qpos), self.base.na))
         return np.concatenate([np.zeros((len(qpos), 1)), qpos, qvel, rest], 1)
-
-
-class Acting:
-    """What laws do in one step after the other, in the fields of the models of all windows, `copies`, and as forces."""
-
-    def __init__(self, model: mujoco.MjModel, copies: list[mujoco.MjModel], laws: list[Placed]):
-        self.model = model
-        self.laws = [law for law in laws if law.effect.enters != "gear"]
-        self.gears = [law for law in laws if law.effect.enters == "gear"]
-        self._found: list = []
-        # Asking a model for a field takes longer than writing into it.
-        rubbing = any(law.effect.enters == "friction" for law in laws)
-        self._losses = [own.dof_frictionloss for own in copies] if rubbing else []
-        self._armatures = [own.dof_armature for own in copies]
-        for own in self._armatures:  # a gear leaves them as they were in its last step
-            own[:] = model.dof_armature
-
-    def __call__(self, now: State, seen: State, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Generalised forces beside the motors', mean over the step and at its start, (w, nv) each.
-
-        Args:
-            now, seen: the states at the start of the step, for gears, and half a step ahead, for all other laws.
-            force: what acts anyway.
-        """
-        pull, limits = force.copy(), np.tile(self.model.dof_frictionloss, (len(force), 1))
-        for law in self.laws:
-            _act(law, seen, pull, limits)
-        at_once = pull.copy()
-        self._found = [coupled(self.model, now, law.effect.law, law.site, law.values) for law in self.gears]
-        for law, found in zip(self.gears, self._found, strict=True):
-            dof = self._dof(law)
-            pull[:, dof] += found.pull
-            at_once[:, dof] += found.at_once[0]
-        for own, row in zip(self._losses, limits, strict=True) if self._losses else ():
-            own[:] = row
-        self._felt([found.inertia for found in self._found])
-        return pull, at_once
-
-    def begin(self) -> None:
-        """Inertia as it is felt at the very start of the step."""
-        self._felt([found.at_once[1] for found in self._found])
-
-    def read(self, sensed: np.ndarray) -> None:
-        """Put encoders, (w, nsensordata), where their motors are."""
-        for law, found in zip(self.gears, self._found, strict=True):
-            for columns, ahead in zip(encoders(self.model, law.site), (found.lead, found.rate), strict=True):
-                sensed[:, columns] += ahead[:, None]
-
-    def _felt(self, inertias: list[np.ndarray]) -> None:
-        for law, inertia in zip(self.gears, inertias, strict=True):
-            dof = self._dof(law)
-            for own, felt in zip(self._armatures, inertia.tolist(), strict=True):
-                own[dof] = felt
-
-    def _dof(self, law: Placed) -> int:
-        return self.model.joint(law.site).dofadr[0]
-
-
-def _act(law: Placed, seen: State, pull: np.ndarray, limits: np.ndarray) -> None:
-    """Add what `law` does to the forces and to the largest dry friction, (w, nv) each."""
-    acts = law.effect.law(seen, law.site, **law.values)
-    if law.effect.enters == "force":
-        pull += acts
-        return
-    dof, (forward, backward) = seen.model.joint(law.site).dofadr[0], acts
-    # Unequal limits are equal ones beside a constant force.
-    limits[:, dof] += (forward + backward) / 2
-    pull[:, dof] += (backward - forward) / 2
 
 
 def can_touch(model: mujoco.MjModel) -> bool:
