@@ -19,7 +19,7 @@ from fimpact.mismatch.explain import explain, refit, sizes_of
 from fimpact.mismatch.fit import restarted
 from fimpact.mismatch.judge import base_fit, bench, squares
 from fimpact.mismatch.locate import _modes
-from fimpact.mismatch.name import Naming, build, name
+from fimpact.mismatch.name import WILD, Naming, _serving, build, name
 from fimpact.mismatch.nameless import Stranger, differences, nameless, varying
 from fimpact.mismatch.pooled import _apart, pooled, stacked
 from fimpact.mismatch.price import price, seen
@@ -555,12 +555,54 @@ def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(mon
     stub("worthwhile", lambda *_: True)
     stub("beats", lambda *_: True)
     stub("accepted", lambda _, __, explanation: explanation)
-    stub("lost", lambda _: False)
+    stub("_astray", lambda *_: False)
     naive = explained("none")
     naive.placed = ()
     steps, best, _ = build(Search(None, (), None, None, print), naive)
     assert best.name == "com_shift"
     assert len(steps) == 3
+
+
+def accepting(monkeypatch, rivals, worthwhile):
+    """What `_serving` takes of `rivals` if `worthwhile` judges their leader."""
+    for stub, value in (
+        ("hopeful", lambda _, rivals: rivals),
+        ("worthwhile", lambda _, __, ___, last: worthwhile(last.rivals[0])),
+        ("beats", lambda *_: True),
+        ("accepted", lambda _, __, explanation: explanation),
+    ):
+        monkeypatch.setattr(f"fimpact.mismatch.name.{stub}", value)
+    search = SimpleNamespace(ranked=lambda rivals: rivals)
+    found = _serving(search, None, None, Step([], np.zeros(0), rivals), {"none"})
+    return found and found[0].name
+
+
+@pytest.mark.parametrize(("dispersion", "expected"), [(0.5 * WILD, None), (2 * WILD, "second")])
+def test_where_nothing_is_near_the_noise_the_next_is_asked(monkeypatch, dispersion, expected):
+    """What one step promises is an order to rely on only where the steps end near the noise."""
+    rivals = [SimpleNamespace(name=name, placed=(None,), dispersion=dispersion) for name in ("first", "second")]
+    assert accepting(monkeypatch, rivals, lambda leader: leader.name == "second") == expected
+
+
+@pytest.mark.parametrize(
+    ("lost", "dispersion", "asked"), [(False, 1.0, False), (False, 2 * WILD, True), (True, 1.0, True)]
+)
+def test_pairs_are_asked_for_where_no_one_effect_comes_near_the_noise(monkeypatch, lost, dispersion, asked):
+    def explained(name):
+        placed = [SimpleNamespace(at_limit=False)] if name != "none" else ()
+        return SimpleNamespace(name=name, placed=placed, fitted=SimpleNamespace(point=None), dispersion=dispersion)
+
+    paired = []
+    for stub, value in (
+        ("step", lambda *_: Step([], np.zeros(0), [explained("drag")])),
+        ("_learned", lambda *_: 0.0),
+        ("_further", lambda *_: None),
+        ("lost", lambda _: lost),
+        ("together", lambda *_: paired.append("asked")),
+    ):
+        monkeypatch.setattr(f"fimpact.mismatch.name.{stub}", value)
+    build(Search(None, (), None, None, print), explained("none"))
+    assert bool(paired) is asked
 
 
 def shaken(fitted, by):

@@ -11,6 +11,7 @@ from fimpact.mismatch.explain import Explanation, numerics, sharpened
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import squares
 from fimpact.mismatch.step import Search, Step
+from fimpact.mismatch.tame import tamed
 from fimpact.mismatch.weigh import predicted, weigh
 
 TRACE = 0.03  # share of what there was to explain that is not worth a further effect
@@ -51,7 +52,7 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
     before = search.bench.offsets
     plain = numerics(search.bench, promised)
     own = search.bench.offsets
-    found = sharpened(search.bench, search.pulses, plain)
+    found = tamed(search.bench, sharpened(search.bench, search.pulses, plain))
     if not idle(found) and (kept(best, found) or _kept_among(search, best, found)):
         return found
     if not idle(plain) and kept(best, plain):

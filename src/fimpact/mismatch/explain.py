@@ -10,7 +10,7 @@ from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.judge import Bench, again, correct, settle, squares
 from fimpact.mismatch.price import price
-from fimpact.mismatch.problem import Linear, coordinates
+from fimpact.mismatch.problem import Linear, Point, coordinates
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate
 from fimpact.mismatch.simulate import Hypothesis
@@ -115,20 +115,29 @@ def numerics(bench: Bench, best: Explanation) -> Explanation:
 def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanation:
     """The same explanation at its generalised optimum, disturbances in the training windows weighed as such."""
     for _ in range(SHARPER):
-        fitted, parts = explanation.fitted, []
+        fitted = explanation.fitted
         shade = colour(found, disturbance(fitted, found))
         z = fitted.coordinates.read(fitted.point.hypothesis) + generalised([fitted], [shade]).step
-        hypothesis = fitted.coordinates.write(fitted.point.hypothesis, z)
-        before = bench.offsets
-        for problem, part in zip((bench.training, bench.held_out), explanation.parts, strict=True):
-            near = settle(problem, hypothesis, part.point, part.linear)
-            correct(bench, problem, near.point)
-            parts.append(settle(problem, hypothesis, near.point, near.linear))
-        where = parts[0].point.qpos, parts[0].point.qvel
-        point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
-        if not point.cost < WORSE * fitted.point.cost:  # the step left the range in which its tangent holds
-            bench.restore(before)
+        there = moved(bench, explanation, fitted.coordinates.write(fitted.point.hypothesis, z), fitted.point)
+        if not there:  # the step left the range in which its tangent holds
             break
-        fitted = relinearised(bench.training, replace(fitted, point=point))
-        explanation = replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)
+        explanation = there
     return explanation
+
+
+def moved(bench: Bench, explanation: Explanation, hypothesis: Hypothesis, near: Point) -> Explanation | None:
+    """`explanation` at another hypothesis, its training windows begun as those of `near`, with numerics of its own;
+    None, and numerics as they were, where that costs far more."""
+    fitted, parts, before = explanation.fitted, [], bench.offsets
+    begun = (near, fitted.linear), (explanation.judged.point, explanation.judged.linear)
+    for problem, (point, linear) in zip((bench.training, bench.held_out), begun, strict=True):
+        found = settle(problem, hypothesis, point, linear)
+        correct(bench, problem, found.point)
+        parts.append(settle(problem, hypothesis, found.point, found.linear))
+    where = parts[0].point.qpos, parts[0].point.qvel
+    point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
+    if not point.cost < WORSE * fitted.point.cost:
+        bench.restore(before)
+        return None
+    fitted = relinearised(bench.training, replace(fitted, point=point))
+    return replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)

@@ -20,11 +20,12 @@ UNSEEN = 1e-6  # squared sensitivity to a coordinate's whole scale below which i
 DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
 SHRINK = 5.0  # by which a positive parameter may shrink in one step
 STUCK = 3.0  # times the median of the windows' squares
-FAR, LEAPS = 0.3, 12  # of a coordinate or its scale: the first long step; how many are tried
+STRIDES = (-0.7, 2.0)  # of a coordinate or its scale: the longest steps, tried first
+FAR, LEAPS = 0.3, 12  # the same: the first long step after those; how many are tried
 LOST = 10.0  # times the noise: mean square residual from which long steps are tried
 ON, BACK = 2.0, -0.5  # what a long step that paid is multiplied by, and one that did not
 PATIENCE = 2  # steps that one linearisation is kept for
-BRIEFLY = 2  # iterations on initial states after a long step
+BRIEFLY = 4  # iterations on initial states after a long step
 WORTH = 0.99  # of the cost: what a long step must reach for a fit to go on from there
 FULL = 1e-3  # damping up to which a step is as long as it wants to be
 
@@ -61,8 +62,8 @@ def fit(
     refresh: bool = True,
     far: Collection[int] | None = None,
 ) -> Fit:
-    """Minimise from `start`; where things touch and that gets stuck far from the noise, once more from where long steps
-    lead.
+    """Minimise from `start`; where things touch and that ends far from the noise, in an optimum of its own or not,
+    once more from where long steps lead.
 
     Args:
         linear: sensitivities to begin with; they are kept for `PATIENCE` iterations and refreshed after.
@@ -70,7 +71,7 @@ def fit(
         far: coordinates in which long steps are tried; None: in all.
     """
     found = _descended(problem, coordinates, start, iterations, linear, refresh)
-    if found.converged or not refresh or not (lost(found.point) and can_touch(problem.simulator.base)):
+    if not (refresh and lost(found.point) and can_touch(problem.simulator.base)):
         return found
     there = leaped(problem, coordinates, found.point, far)
     if there.cost > WORTH * found.point.cost:
@@ -173,20 +174,30 @@ def _start_step(problem: Problem, point: Point, damping: np.ndarray) -> tuple[np
 
 
 def leaped(problem: Problem, coordinates: Coordinates, point: Point, along: Collection[int] | None = None) -> Point:
-    """Long steps along one coordinate after the other, longer while that pays, initial states settled after each: a
-    tangent through a contact holds for less than a step that would be worth while."""
+    """Long steps along one coordinate after the other, longer while that pays: a tangent through a contact holds for
+    less than a step that would be worth while, and around an optimum of its own nothing shows what lies further off."""
     for i in range(len(coordinates.scale)) if along is None else along:
         z = coordinates.read(point.hypothesis)
-        step = FAR * max(coordinates.scale[i], abs(z[i]))
+        size = max(coordinates.scale[i], abs(z[i]))
+        strides = [_leap(problem, coordinates, point, i, stride * size) for stride in STRIDES]
+        point = min([point, *strides], key=lambda p: p.cost)
+        step = FAR * max(coordinates.scale[i], abs(coordinates.read(point.hypothesis)[i]))
         for _ in range(LEAPS):
-            there = coordinates.write(point.hypothesis, z + step * (np.arange(len(z)) == i))
-            begun = problem.evaluate(there, point.qpos, point.qvel, coordinates)
-            trial = settled(problem, coordinates, begun, BRIEFLY)
+            trial = _leap(problem, coordinates, point, i, step)
             better = trial.cost < point.cost
-            if better:
-                point, z = trial, coordinates.read(trial.hypothesis)
+            point = trial if better else point
             step *= ON if better else BACK
     return point
+
+
+def _leap(problem: Problem, coordinates: Coordinates, point: Point, i: int, step: float) -> Point:
+    """`point` with coordinate `i` moved by `step`, each window begun where it was or as measured, whichever is better
+    there, and settled."""
+    z = coordinates.read(point.hypothesis)
+    there = coordinates.write(point.hypothesis, z + step * (np.arange(len(z)) == i))
+    starts = (point.qpos, point.qvel), problem.starts
+    begun = _better(*(problem.evaluate(there, *states, coordinates) for states in starts))
+    return settled(problem, coordinates, begun, BRIEFLY)
 
 
 def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point:

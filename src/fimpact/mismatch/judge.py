@@ -18,7 +18,7 @@ from fimpact.recordings import Recording
 ROUNDS = 4  # of numerics and fit in turn, at most
 STILL = 3.0  # standard deviations squared, all samples together: no conclusion hangs on less
 FAINT = 1e-4  # nor on less than this share of the squares that are left
-SHRINKS = 0.75  # a first-order error halves with the step
+HALVES = 0.25  # of a change with the step: how far from half of it the next one may be
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,12 @@ def correct(bench: Bench, problem: Problem, point: Point) -> float:
 
 
 def converging(problem: Problem, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Windows, (w, 1, 1), in which a step halved twice changes predictions (by `first`, then `second`) less and less:
-    what a collision does between two steps comes and goes with their length, and is not extrapolated."""
-    before, after = ((problem.whiten(np.nan_to_num(change)) ** 2).sum(1) for change in (first, second))
-    return (after <= SHRINKS**2 * before)[:, None, None]
+    """Windows, (w, 1, 1), in which a step halved twice changes predictions as a first-order error does, by `first` and
+    then `second`, half as much and alike: what a collision does between two steps comes and goes with their length, and
+    is not extrapolated."""
+    before, after = (problem.whiten(np.nan_to_num(change)) for change in (first, second))
+    off = ((after - before / 2) ** 2).sum(1)
+    return (off <= HALVES**2 * (before**2).sum(1))[:, None, None]
 
 
 def settle(problem: Problem, hypothesis: Hypothesis, near: Point | None = None, linear: Linear | None = None) -> Fit:

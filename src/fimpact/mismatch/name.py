@@ -23,11 +23,11 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.step import ALARM, FURTHER, Search, Step, step, together
+from fimpact.mismatch.tame import WILD, tamed
 from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
 
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
-WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
 WILDER = 100.0  # the same where windows are too few to know what a disturbance does
 CERTAIN = 0.01  # family-wise p at which a force without a name is there, whatever is named beside it
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
@@ -139,7 +139,7 @@ def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, 
     while len(best.placed) < LARGEST:
         steps.append(step(search, best, TRACE * _learned(search, naive, best)))
         found = _further(search, naive, best, steps[-1], known)
-        if not found and steps[-1].rivals and lost(best.fitted.point) and len(best.placed) + 2 <= LARGEST:
+        if not found and _astray(steps[-1], best) and len(best.placed) + 2 <= LARGEST:
             paired = together(search, best, steps[-1])
             found = _further(search, naive, best, paired, known)
             steps[-1] = paired if found else steps[-1]
@@ -148,6 +148,12 @@ def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, 
         best, rivals = found
         known.add(best.name)
     return steps, best, rivals[1:]
+
+
+def _astray(last: Step, best: Explanation) -> bool:
+    """Whether there are rivals, and neither `best` nor they come near the noise: what one of them mends, another may
+    still spoil."""
+    return bool(last.rivals) and (lost(best.fitted.point) or last.rivals[0].dispersion > WILD)
 
 
 def _learned(search: Search, naive: Explanation, best: Explanation) -> float:
@@ -173,7 +179,9 @@ def _serving(search: Search, naive: Explanation, best: Explanation, last: Step, 
     for first in range(min(len(asked), TRIES)):
         ranked = search.ranked(asked[first:]) if first else last.rivals
         if not worthwhile(search, naive, best, replace(last, rivals=ranked)):
-            return None
+            if ranked[0].dispersion <= WILD:
+                return None
+            continue  # where nothing is near the noise, what one step promises is no order to rely on
         # A surrogate that promised more, and does not keep it, gives the place back.
         for answers in [_reconsider(search, ranked), ranked] if len(ranked[0].placed) > 1 else [ranked]:
             if answers[0].name in known or not beats(search, answers[0], best):
@@ -201,8 +209,19 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
     return rivals
 
 
+def _alike(search: Search, naive: Explanation, best: Explanation) -> tuple[Explanation, Pulses]:
+    """`naive`, tamed where `best` was, as what is compared is fitted alike, and the pulses in its training windows.
+    Numerics stay those of `best`."""
+    before = search.bench.offsets
+    found = tamed(search.bench, replace(naive, dispersion=best.dispersion))
+    seen = search.pulses if found.fitted is naive.fitted else pulses(search.bench.training, found.fitted)
+    search.bench.restore(before)
+    return found, seen
+
+
 def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explanation, others) -> Naming:
     bench, windows, parts = search.bench, (search.pulses, search.held_out), both(search.bench, best)
+    naive, seen = _alike(search, naive, best)
     pushing = disturbance(best.fitted, search.pulses)
     shades = [colour(found, pushing) for found in windows]
     spread = dispersion(best, generalised(parts, shades).deviances)
@@ -212,4 +231,4 @@ def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explana
     left = stranger.gain / max(stranger.gain + gained, 1e-9)
     wide = spread * generalised([best.fitted], shades[:1]).covariance
     total = spread * pushing.noise**2
-    return Naming(naive, steps, best, members(best, others), left, stranger, total, wide, search.pulses)
+    return Naming(naive, steps, best, members(best, others), left, stranger, total, wide, seen)

@@ -116,6 +116,12 @@ class Problem:
         out.noise, out.offset, out.start_weight = self.noise[rows], self.offset[rows], self.start_weight[rows]
         return out
 
+    def louder(self, by: np.ndarray) -> "Problem":
+        """The same problem with the noise of each window multiplied by `by`, (w,)."""
+        out = copy.copy(self)
+        out.noise = self.noise * by[:, None, None]
+        return out
+
     def whiten(self, measured: np.ndarray) -> np.ndarray:
         """Measurements or their differences (w, T, ny) in standard deviations, (w, T * ny); missing ones are 0."""
         scaled = np.where(np.isfinite(self.windows.measured), measured / self.noise, 0.0)
