@@ -99,6 +99,25 @@ def test_what_one_window_shows_of_nothing_does_not_move_a_friction_that_others_s
     assert tamed(spoilt, replace(plain, dispersion=0.5 * WILD)).fitted is fitted
 
 
+def test_what_numerics_of_its_own_make_less_likely_is_not_taken(sliding, monkeypatch):
+    problem = sliding.training
+    free = coordinates(problem.simulator)
+    fitted = fit(problem, free, first_point(problem, free, Hypothesis(problem.simulator.theta)))
+    found = replace(explain(fitted, settle(sliding.held_out, fitted.point.hypothesis)), dispersion=2 * WILD)
+    near = replace(fitted.point, residual=0.1 * fitted.point.residual)
+    louder = replace(found, fitted=replace(fitted, point=replace(near, residual=2 * fitted.point.residual)))
+    kept = sliding.offsets
+
+    def moved(bench, *_):
+        bench.restore((kept[0] + 1.0, kept[1]))
+        return louder
+
+    monkeypatch.setattr("fimpact.mismatch.tame._pass", lambda *_: near)
+    monkeypatch.setattr("fimpact.mismatch.tame.moved", moved)
+    assert tamed(sliding, found) is found
+    assert sliding.training.offset is kept[0]
+
+
 def test_only_far_from_the_noise_a_fit_may_be_rough():
     def of(size):
         residual = np.full((3, 60), size)

@@ -115,20 +115,20 @@ def numerics(bench: Bench, best: Explanation) -> Explanation:
 def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanation:
     """The same explanation at its generalised optimum, disturbances in the training windows weighed as such."""
     for _ in range(SHARPER):
-        fitted = explanation.fitted
+        fitted, before = explanation.fitted, bench.offsets
         shade = colour(found, disturbance(fitted, found))
         z = fitted.coordinates.read(fitted.point.hypothesis) + generalised([fitted], [shade]).step
         there = moved(bench, explanation, fitted.coordinates.write(fitted.point.hypothesis, z), fitted.point)
-        if not there:  # the step left the range in which its tangent holds
+        if not there.fitted.point.cost < WORSE * fitted.point.cost:  # the step left the range where its tangent holds
+            bench.restore(before)
             break
         explanation = there
     return explanation
 
 
-def moved(bench: Bench, explanation: Explanation, hypothesis: Hypothesis, near: Point) -> Explanation | None:
-    """`explanation` at another hypothesis, its training windows begun as those of `near`, with numerics of its own;
-    None, and numerics as they were, where that costs far more."""
-    fitted, parts, before = explanation.fitted, [], bench.offsets
+def moved(bench: Bench, explanation: Explanation, hypothesis: Hypothesis, near: Point) -> Explanation:
+    """`explanation` at another hypothesis, its training windows begun as those of `near`, with numerics of its own."""
+    fitted, parts = explanation.fitted, []
     begun = (near, fitted.linear), (explanation.judged.point, explanation.judged.linear)
     for problem, (point, linear) in zip((bench.training, bench.held_out), begun, strict=True):
         found = settle(problem, hypothesis, point, linear)
@@ -136,8 +136,5 @@ def moved(bench: Bench, explanation: Explanation, hypothesis: Hypothesis, near: 
         parts.append(settle(problem, hypothesis, found.point, found.linear))
     where = parts[0].point.qpos, parts[0].point.qvel
     point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
-    if not point.cost < WORSE * fitted.point.cost:
-        bench.restore(before)
-        return None
     fitted = relinearised(bench.training, replace(fitted, point=point))
     return replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)

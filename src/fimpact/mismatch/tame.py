@@ -30,7 +30,13 @@ def tamed(bench: Bench, explanation: Explanation) -> Explanation:
         if not _unlikely(there) < WORTH * _unlikely(point):
             break
         point = there
-    return explanation if point is first else moved(bench, explanation, point.hypothesis, point) or explanation
+    if point is first:
+        return explanation
+    before, there = bench.offsets, moved(bench, explanation, point.hypothesis, point)
+    if _unlikely(there.fitted.point) < _unlikely(first):
+        return there
+    bench.restore(before)
+    return explanation
 
 
 def _pass(problem: Problem, free: Coordinates, point: Point) -> Point:
