@@ -22,7 +22,15 @@ from fimpact.concealed.truth import Planted, Truth
 ROOT = Path(__file__).parents[1]
 TABLES = ROOT / "results" / "reference"
 REFERENCE = TABLES / "concealed" / "cases.csv"
-VERSIONS = [TABLES / folder / "cases.csv" for folder in ("concealed-87f2896", "concealed-e61b4e6", "concealed")]
+VERSIONS = [
+    TABLES / folder / "cases.csv"
+    for folder in (
+        "concealed-87f2896",
+        "concealed-e61b4e6",
+        "concealed-5c1b8b8",
+        "concealed",
+    )
+]
 SETTINGS = {
     "seed": 5,
     "cases": {"single": 6, "null": 3, "double": 2, "outside": 1, "twin": 2},
