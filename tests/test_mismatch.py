@@ -684,7 +684,9 @@ def test_the_verdict_tells_what_has_a_name_beside_what_has_none(friction, monkey
 
 SLED = """<mujoco><worldbody><body name="sled"><joint name="rail" type="slide"/><geom size="0.1"/>
 <body name="arm"><joint name="hinge"/><geom size="0.1"/></body></body></worldbody>
-<actuator><motor name="pusher" joint="rail"/><motor name="turner" joint="hinge"/></actuator></mujoco>"""
+<actuator><motor name="pusher" joint="rail"/><motor name="turner" joint="hinge"/></actuator>
+<sensor><framepos name="camera" objtype="body" objname="sled"/><jointvel name="speed" joint="hinge"/>
+<framequat name="turn" objtype="body" objname="arm"/></sensor></mujoco>"""
 
 
 @pytest.mark.parametrize(
@@ -697,9 +699,12 @@ SLED = """<mujoco><worldbody><body name="sled"><joint name="rail" type="slide"/>
         ("hinge", "N m s/rad", "N m s/rad"),
         ("turner", "N m", "N m"),
         ("sled", "kg", "kg"),
+        ("camera[2]", "of the channel", "m"),
+        ("speed", "of the channel", "rad/s"),
+        ("turn[0]", "of the channel", "of the channel"),
     ],
 )
-def test_units_are_those_of_the_joint(site, unit, expected):
+def test_units_are_those_of_the_joint_or_the_channel(site, unit, expected):
     assert unit_at(mujoco.MjSpec.from_string(SLED), site, unit) == expected
 
 

@@ -8,6 +8,7 @@ from fimpact.effects.base import Coefficient, Effect, Signal
 from fimpact.effects.sites import component, measured_by
 from fimpact.effects.structure import quaternion
 
+CHANNEL = "of the channel"  # the unit of what is in that of what was measured
 IMU = "Tedaldi, Pretto, Menegatti, A robust and easy to implement method for IMU calibration, ICRA 2014"
 
 
@@ -109,7 +110,7 @@ EFFECTS = (
         sentence="The sensor shows something where it should show zero.",
         reference=IMU,
         enters="measurement",
-        coefficients=(Coefficient("offset", "of the channel"),),
+        coefficients=(Coefficient("offset", CHANNEL),),
         sites=sites.columns,
         probes=lambda scales, model, site: [{"offset": amounts.SMALL * _size(scales)}],
         law=sensor_bias,

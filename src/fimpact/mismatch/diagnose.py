@@ -9,12 +9,14 @@ import numpy as np
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
+from fimpact.effects.sensing import CHANNEL
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
 from fimpact.mismatch.judge import Bench, bench, squares
 from fimpact.mismatch.locate import Location, locate
 from fimpact.mismatch.name import SEEMING, Naming, name
 from fimpact.mismatch.step import Step
 from fimpact.recordings import FIELDS, Recording
+from fimpact.units import channel_unit
 
 SCHEMA = 2
 Z95 = 1.959964
@@ -135,7 +137,10 @@ def parameter_rows(naming: Naming, recording: Recording) -> list[dict[str, Any]]
 
 
 def unit_at(spec: mujoco.MjSpec, site: str, unit: str) -> str:
-    """`unit`, which is that of a hinge, or what it is where the joint, or the joint of the motor, slides."""
+    """`unit`, which is that of a hinge, or what it is where the joint, or the joint of the motor, slides; of a channel,
+    its own, as far as that is known."""
+    if unit == CHANNEL:
+        return channel_unit(spec.compile(), site) or unit
     motor = spec.actuator(site)
     joint = spec.joint(motor.target if motor else site)
     if joint and joint.type == mujoco.mjtJoint.mjJNT_SLIDE:
