@@ -70,6 +70,7 @@ STAGES = {
         *SHARED,
         *LAWS,
         *NAMING,
+        "units",
         "concealed/blind",
         *(f"mismatch/{name}" for name in "discriminate resolve separate".split()),
     ],
