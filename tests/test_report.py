@@ -118,6 +118,14 @@ def test_the_page_says_what_was_found(written, diagnosis):
     assert data["provenance"]["inputs"] == {"log.csv": "0" * 64}
 
 
+def test_the_headline_is_one_sentence_and_the_rest_stands_below(diagnosis, written, tmp_path):
+    said = replace(diagnosis, verdict="Missing: dry friction (0.3 ± 0.1 N m). It explains 9%. More may be missing.")
+    page = write_report(said, tmp_path / "said", provenance={}).read_text(encoding="utf-8")
+    assert "<h1>Missing: dry friction (0.3 ± 0.1 N m).</h1>" in page
+    assert '<p class="lead">It explains 9%. More may be missing.</p>' in page
+    assert "<h1>Missing: dry friction.</h1>" in (written / "report.html").read_text(encoding="utf-8")
+
+
 def test_a_name_that_held_out_runs_refuse_is_not_what_it_is(diagnosis, written, tmp_path):
     assert "<h2>What it is</h2>" in (written / "report.html").read_text(encoding="utf-8")
     refused = replace(diagnosis, evidence=replace(diagnosis.evidence, low=-0.01))
