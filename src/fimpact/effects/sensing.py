@@ -8,7 +8,7 @@ from fimpact.effects.base import Coefficient, Effect, Signal
 from fimpact.effects.sites import component, measured_by
 from fimpact.effects.structure import quaternion
 
-CHANNEL = "of the channel"  # the unit of what is in that of what was measured
+CHANNEL = "of the channel"  # in place of a unit: that of what the sensor measures
 IMU = "Tedaldi, Pretto, Menegatti, A robust and easy to implement method for IMU calibration, ICRA 2014"
 
 

@@ -47,8 +47,9 @@ def beats(search: Search, found: Explanation, best: Explanation) -> bool:
 
 
 def accepted(search: Search, best: Explanation, promised: Explanation) -> Explanation | None:
-    """`promised` at its generalised optimum, or as it was fitted where only that predicts held-out windows, for
-    disturbances need not be what they are taken for; None, and numerics as they were, if neither does."""
+    """`promised` at its generalised optimum (where collisions leave loud windows, `tamed`), or as it was fitted where
+    only that predicts held-out windows, for disturbances need not be what they are taken for; None, and numerics as
+    they were, if neither does."""
     before = search.bench.offsets
     plain = numerics(search.bench, promised)
     own = search.bench.offsets
