@@ -12,9 +12,11 @@ from mujoco.rollout import Rollout
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.explain import explain
-from fimpact.mismatch.fit import SETTLED, _leap, first_point, fit, leaped, negligible
+from fimpact.mismatch.fit import SETTLED, fit, negligible
 from fimpact.mismatch.judge import bench, converging, correct, settle
+from fimpact.mismatch.leap import leap, leaped
 from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.settle import first_point
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.tame import WILD, tamed
 from fimpact.recordings import Recording, Run, Unknown
@@ -80,7 +82,7 @@ def test_a_leap_begins_windows_anew_where_those_of_the_point_lead_nowhere(slidin
     free = coordinates(problem.simulator)
     wrong = first_point(problem, free, Hypothesis(problem.simulator.theta))
     sunk = problem.evaluate(wrong.hypothesis, wrong.qpos - [0.0, 0.2], wrong.qvel, free)
-    there = _leap(problem, free, sunk, 0, TRUE - free.read(wrong.hypothesis)[0])
+    there = leap(problem, free, sunk, 0, TRUE - free.read(wrong.hypothesis)[0])
     assert there.cost < 1e-3 * wrong.cost < sunk.cost
 
 

@@ -16,8 +16,7 @@ from fimpact.mismatch.curves import SPOTS, spots
 from fimpact.mismatch.diagnose import diagnose, in_words, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit, sizes_of
-from fimpact.mismatch.fit import restarted
-from fimpact.mismatch.judge import base_fit, bench, squares
+from fimpact.mismatch.judge import base_fit, bench
 from fimpact.mismatch.locate import _modes
 from fimpact.mismatch.name import WILD, Naming, _serving, build, name
 from fimpact.mismatch.nameless import Stranger, differences, nameless, varying
@@ -28,6 +27,7 @@ from fimpact.mismatch.pulses import _swings, pulses
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
+from fimpact.mismatch.settle import restarted
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
@@ -101,7 +101,7 @@ def test_the_time_step_is_not_called_physics():
     made = bench(record(5))
     simulator = made.training.simulator
     fitted, _ = base_fit(made, coordinates(simulator), Hypothesis(simulator.theta))
-    corrected = squares(fitted).sum()
+    corrected = fitted.point.squares.sum()
     made.training.offset[:] = 0.0
     point = fitted.point
     bare = made.training.evaluate(point.hypothesis, point.qpos, point.qvel, fitted.coordinates)
@@ -116,7 +116,7 @@ def test_one_shot_score_predicts_the_refit(friction):
     tried = proposals(few("coulomb"), made.training, scales(made.training, naive.fitted.point))
     candidate = max(screen(made.training, naive.fitted, tried), key=lambda c: c.gain)
     refitted = refit(made, naive, candidate)
-    fall = squares(naive.fitted).sum() - squares(refitted.fitted).sum()
+    fall = naive.fitted.point.squares.sum() - refitted.fitted.point.squares.sum()
     assert candidate.gain == pytest.approx(fall, rel=0.1)
     assert candidate.start().values["friction"] == pytest.approx(FRICTION, rel=0.1)
     assert candidate.concealment > 0.8

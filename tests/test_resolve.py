@@ -61,6 +61,18 @@ def test_a_window_that_no_rival_follows_spoils_nothing(recording):
     assert found[0].dispersion < 1.5 and not found[0].exact  # nothing is left to be decided by the time step's error
 
 
+def test_that_an_experiment_strays_is_no_reason_for_long_steps(recording, monkeypatch):
+    """They take minutes, and where only the experiment's windows are far from the noise those are left out."""
+    tried = []
+    monkeypatch.setattr("fimpact.mismatch.fit.can_touch", lambda model: True)
+    monkeypatch.setattr("fimpact.mismatch.fit.leaped", lambda p, c, point, along: tried.append(along) or point)
+    run = recording.held_out[0]
+    measured = run.measured.copy()
+    measured[80:160] += 0.3 * np.sin(np.arange(80) * 0.2)[:, None]
+    assert resolve(recording, [replace(run, measured=measured)], [OFFSET, COULOMB])[0].name == "coulomb@joint_2"
+    assert tried and set(tried) == {()}
+
+
 def test_a_rival_that_became_its_own_special_case_is_no_rival(recording):
     """Dahl's friction without a displacement is dry friction: what was stated is refuted."""
     found = resolve(recording, recording.held_out[:1], [DAHL, COULOMB])

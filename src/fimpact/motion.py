@@ -7,7 +7,6 @@ import numpy as np
 
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.judge import squares
 from fimpact.mismatch.starts import place_of
 from fimpact.mismatch.windows import Windows
 from fimpact.scene import Scene, moves, pivots
@@ -74,7 +73,7 @@ def stretch(diagnosis: Diagnosis, run: int) -> Stretch:
     windows = diagnosis.bench.held_out.windows
     own = np.flatnonzero(windows.runs == run)
     own = own[np.argsort(windows.first[own])]
-    errors, many = squares(diagnosis.naming.naive.judged)[own], min(WINDOWS, len(own))
+    errors, many = diagnosis.naming.naive.judged.point.squares[own], min(WINDOWS, len(own))
     start = int(np.argmax(np.convolve(errors, np.ones(many), "valid")))
     first, whole = int(windows.first[own[start]]), len(diagnosis.recording.held_out[run].measured)
     return Stretch(run, int(own[start]), first, min(many * windows.length, whole - first))

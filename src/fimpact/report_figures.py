@@ -10,7 +10,6 @@ from matplotlib.ticker import MaxNLocator
 from fimpact.looks import log_ticks
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import squares
 from fimpact.report_look import ALIKE, FAINT, IMPROVED, INK, NAIVE, RECORDED, RIVAL, WIDTH, draw
 from fimpact.report_where import mechanism, state, timeline
 from fimpact.units import channel_unit
@@ -23,7 +22,7 @@ POINTS = 1500  # of a line
 def shown_run(diagnosis: Diagnosis) -> int:
     """The held-out run whose naive error is the median one."""
     runs = diagnosis.bench.held_out.windows.runs
-    errors = squares(diagnosis.naming.naive.judged)
+    errors = diagnosis.naming.naive.judged.point.squares
     present = np.unique(runs)
     mean = np.array([errors[runs == run].mean() for run in present])
     return int(present[np.argsort(mean)[(len(mean) - 1) // 2]])
@@ -151,7 +150,7 @@ def candidate_rows(diagnosis: Diagnosis) -> list[dict]:
     for explanation in (r for step in naming.steps for r in step.rivals):
         name = explanation.name
         role = "best" if name == naming.best.name else "alike" if name in alike else "rival"
-        error = float(np.sqrt(squares(explanation.judged).sum() / samples))
+        error = float(np.sqrt(explanation.judged.point.squares.sum() / samples))
         found[name] = {"name": name, "error": error, "role": role}
     if naming.best.placed:
         found[naming.best.name] = {"name": naming.best.name, "error": diagnosis.evidence.after, "role": "best"}

@@ -18,7 +18,7 @@ from fimpact.effects import EFFECTS
 from fimpact.knobs import own_knobs
 from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import Explanation, explain, refit
-from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
+from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import Candidate, proposals, screen
@@ -104,7 +104,7 @@ def _refit_all(made: Bench, naive: Explanation) -> dict[str, Any]:
 def _criterion(made: Bench, explanation: Explanation) -> float:
     """BIC of the training windows."""
     samples = np.isfinite(made.training.windows.measured).sum()
-    total = squares(explanation.fitted).sum()
+    total = explanation.fitted.point.squares.sum()
     price = np.log(samples) * len(explanation.fitted.coordinates.scale)
     return float(total + price) if np.isfinite(explanation.deviance) else np.inf
 

@@ -8,8 +8,6 @@ import numpy as np
 
 from fimpact.mismatch.colour import colour, disturbance, tempered
 from fimpact.mismatch.explain import Explanation, numerics, sharpened
-from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import squares
 from fimpact.mismatch.step import Search, Step
 from fimpact.mismatch.tame import tamed
 from fimpact.mismatch.weigh import predicted, weigh
@@ -77,17 +75,13 @@ def kept(before: Explanation, after: Explanation) -> bool:
     """Whether held-out windows really are predicted no worse, but for chance: what one linear step promised of an
     effect that is large, or of one that the windows hardly show, need not come true. Neither a loud window nor the
     quiet ones alone decide it."""
-    plain = [squares(e.judged) for e in (before, after)]
-    tame = [tempered(own, _samples(e.judged)) for own, e in zip(plain, (before, after), strict=True)]
-    return _no_worse(*plain) and _no_worse(*tame)
+    points = before.judged.point, after.judged.point
+    tame = [tempered(point.squares, point.samples) for point in points]
+    return _no_worse(*(point.squares for point in points)) and _no_worse(*tame)
 
 
 def _no_worse(was: np.ndarray, now: np.ndarray) -> bool:
     return bool(now.sum() <= was.sum() + max(CHANCE, SLACK * was.sum()))
-
-
-def _samples(judged: Fit) -> np.ndarray:
-    return np.maximum((judged.point.residual != 0).sum(1), 1)
 
 
 def idle(explanation: Explanation) -> bool:

@@ -191,7 +191,7 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
     low, high = np.maximum(low - z, -far), np.minimum(high - z, far)
     places = [np.append(np.arange(k), np.arange(*pair)) for pair in pairwise(ends)]
     lefts = [linear.off(fit.point.residual) for fit, linear in zip(fits, linears, strict=True)]
-    samples = [np.maximum((fit.point.residual != 0).sum(1), 1) for fit in fits]
+    samples = [fit.point.samples for fit in fits]
     weights = [np.ones(len(left)) for left in lefts]
     for _ in range(REWEIGHTED):
         hessian, slope = np.diag(prior**-2.0), np.append(-fits[0].pull, 0 * clock)

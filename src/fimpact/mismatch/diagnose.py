@@ -11,7 +11,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
 from fimpact.effects.sensing import CHANNEL
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
-from fimpact.mismatch.judge import Bench, bench, squares
+from fimpact.mismatch.judge import Bench, bench
 from fimpact.mismatch.locate import Location, locate
 from fimpact.mismatch.name import SEEMING, Naming, name
 from fimpact.mismatch.step import Step
@@ -197,7 +197,7 @@ def _step(step: Step) -> dict[str, Any]:
             "weight": r.weight,
             "deviance": r.deviance,
             "converged": r.fitted.converged,
-            "held_out": float(squares(r.judged).sum()),
+            "held_out": float(r.judged.point.squares.sum()),
             "values": {p.name: p.values for p in r.placed},
         }
         for r in step.rivals

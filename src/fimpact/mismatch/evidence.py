@@ -10,7 +10,7 @@ import numpy as np
 
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, freedom, squares
+from fimpact.mismatch.judge import Bench, freedom
 
 RESAMPLES = 2000
 LAGS = 5  # samples over which a residual must not remember itself
@@ -46,7 +46,7 @@ def weigh_evidence(bench: Bench, naive: Explanation, best: Explanation) -> Evide
     problem = bench.held_out
     samples = np.isfinite(problem.windows.measured).sum((1, 2))
     floor = np.sqrt(freedom(problem) / samples.sum())
-    before, after = squares(naive.judged), squares(best.judged)
+    before, after = naive.judged.point.squares, best.judged.point.squares
     low, high = _interval(problem.windows.runs, before, after)
     whole = before.sum() - freedom(problem)
     return Evidence(

@@ -8,7 +8,7 @@ import numpy as np
 from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.fit import Fit, fit, relinearised
-from fimpact.mismatch.judge import Bench, again, correct, settle, squares
+from fimpact.mismatch.judge import Bench, again, correct, settle
 from fimpact.mismatch.price import price
 from fimpact.mismatch.problem import Linear, Point, coordinates
 from fimpact.mismatch.pulses import Pulses
@@ -50,7 +50,7 @@ def explain(fitted: Fit, judged: Fit) -> Explanation:
     found, free = Explanation(fitted.point.hypothesis.placed, fitted, judged, 0.0), fitted.coordinates
     bent = (((free.read(fitted.point.hypothesis) - free.mean) / free.sd) ** 2).sum()
     return replace(
-        found, deviance=float(squares(fitted).sum() + squares(judged).sum() + bent + sum(price(found.parts)))
+        found, deviance=float(fitted.point.squares.sum() + judged.point.squares.sum() + bent + sum(price(found.parts)))
     )
 
 

@@ -5,27 +5,22 @@ refits of many candidates share the sensitivities of what they have in common.
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from fimpact.mismatch.bounded import bounded
-from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem, shift
-from fimpact.mismatch.simulate import Hypothesis, can_touch
+from fimpact.mismatch.leap import leaped
+from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem
+from fimpact.mismatch.settle import DAMPING, FAILED, FIRST, better, moved, settled
+from fimpact.mismatch.simulate import can_touch
 
 SETTLED, RELATIVE = 0.05, 2e-6  # log-likelihood, or share of the cost: less predicted gain changes no conclusion
 ROUGH = 2e-4  # the same as a share of what is beyond noise, which other things than parameters make
-THOUSANDTH = 1e-3
 UNSEEN = 1e-6  # squared sensitivity to a coordinate's whole scale below which it is left where it is
-DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
 SHRINK = 5.0  # by which a positive parameter may shrink in one step
-STUCK = 3.0  # times the median of the windows' squares
-STRIDES = (-0.7, 2.0)  # of a coordinate or its scale: the longest steps, tried first
-FAR, LEAPS = 0.3, 12  # the same: the first long step after those; how many are tried
 LOST = 10.0  # times the noise: mean square residual from which long steps are tried
-ON, BACK = 2.0, -0.5  # what a long step that paid is multiplied by, and one that did not
 PATIENCE = 2  # steps that one linearisation is kept for
-BRIEFLY = 4  # iterations on initial states after a long step
 WORTH = 0.99  # of the cost: what a long step must reach for a fit to go on from there
 FULL = 1e-3  # damping up to which a step is as long as it wants to be
 
@@ -94,12 +89,12 @@ def _descended(problem, coordinates, start, iterations, linear, refresh) -> Fit:
                 break
             linear, age = problem.linearise(point, coordinates), 0
             continue
-        trial = _moved(problem, point, coordinates, z_step, x_step)
+        trial = moved(problem, point, coordinates, z_step, x_step)
         if not len(z_step):  # windows that share nothing each keep the better of two starts
-            trial = _better(trial, point)
+            trial = better(trial, point)
         elif not trial.cost < point.cost:
             # In windows where the mechanism sticks or strikes, the tangent's start may be worse than the old one.
-            trial = _better(trial, _moved(problem, point, coordinates, z_step, 0.0 * x_step))
+            trial = better(trial, moved(problem, point, coordinates, z_step, 0.0 * x_step))
         # A full step that changes nothing: what a secant promises beyond that is its own error.
         converged = age == 0 and damping <= FULL and abs(point.cost - trial.cost) < little
         stalled = age == 0 and 0.0 < point.cost - trial.cost < little
@@ -142,79 +137,6 @@ def _made(point: Point, linear: Linear, coordinates: Coordinates, converged: boo
     return Fit(point, linear, coordinates, precision_of(linear, coordinates), coordinates.scale, pull, converged)
 
 
-def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations: int = 6) -> Point:
-    """The initial states alone, each window with a damping of its own: a window that meets a contact must not hold
-    back those that do not. A window with no more to gain than a thousandth of its cost is done."""
-    going, damping = np.arange(len(point.qpos)), np.full(len(point.qpos), FIRST)
-    states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
-    for _ in range(iterations):
-        part, own = problem.part(going), replace(point, **{name: rows[going] for name, rows in states.items()})
-        step, gain = _start_step(part, own, damping[going])
-        before = (own.residual**2).sum(1)
-        moving = gain >= THOUSANDTH * before
-        if not moving.any():
-            break
-        trial = _moved(part, own, coordinates, 0.0, step)
-        better = (trial.residual**2).sum(1) < before
-        for name, rows in states.items():
-            rows[going[better]] = getattr(trial, name)[better]
-        damping[going] = np.where(better, damping[going] / 10, np.clip(damping[going] * 30, FAILED, DAMPING[1]))
-        going = going[moving]
-    return problem.evaluate(point.hypothesis, states["qpos"], states["qvel"], coordinates)
-
-
-def _start_step(problem: Problem, point: Point, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Step of each window's initial state, (w, nx), and what it promises, (w,)."""
-    basis, triangle = problem.starts_at(point)
-    gram = triangle.transpose(0, 2, 1) @ triangle
-    along = np.einsum("wji,wj->wi", triangle, np.einsum("wmx,wm->wx", basis, point.residual))
-    loaded = gram + damping[:, None, None] * gram * np.eye(gram.shape[1])
-    step = np.linalg.solve(loaded, along[..., None])[..., 0]
-    return step, np.einsum("wi,wi->w", step, along)
-
-
-def leaped(problem: Problem, coordinates: Coordinates, point: Point, along: Collection[int] | None = None) -> Point:
-    """Long steps along one coordinate after the other, longer while that pays: a tangent through a contact holds for
-    less than a step that would be worth while, and around an optimum of its own nothing shows what lies further off."""
-    for i in range(len(coordinates.scale)) if along is None else along:
-        z = coordinates.read(point.hypothesis)
-        size = max(coordinates.scale[i], abs(z[i]))
-        strides = [_leap(problem, coordinates, point, i, stride * size) for stride in STRIDES]
-        point = min([point, *strides], key=lambda p: p.cost)
-        step = FAR * max(coordinates.scale[i], abs(coordinates.read(point.hypothesis)[i]))
-        for _ in range(LEAPS):
-            trial = _leap(problem, coordinates, point, i, step)
-            better = trial.cost < point.cost
-            point = trial if better else point
-            step *= ON if better else BACK
-    return point
-
-
-def _leap(problem: Problem, coordinates: Coordinates, point: Point, i: int, step: float) -> Point:
-    """`point` with coordinate `i` moved by `step`, each window begun where it was or as measured, whichever is better
-    there, and settled."""
-    z = coordinates.read(point.hypothesis)
-    there = coordinates.write(point.hypothesis, z + step * (np.arange(len(z)) == i))
-    starts = (point.qpos, point.qvel), problem.starts
-    begun = _better(*(problem.evaluate(there, *states, coordinates) for states in starts))
-    return settled(problem, coordinates, begun, BRIEFLY)
-
-
-def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point:
-    """`point`, with windows that fit far worse than the others tried anew from what the measurements show: a start on
-    the wrong side of a contact does not find its way back."""
-    squares = (point.residual**2).sum(1)
-    loud = squares > STUCK * np.median(squares)
-    if not loud.any():
-        return point
-    part = problem.part(loud)
-    anew = settled(part, coordinates, part.evaluate(point.hypothesis, *part.starts, coordinates))
-    states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
-    for name, rows in states.items():
-        rows[loud] = getattr(anew, name)
-    return _better(point, replace(point, **states))
-
-
 def precision_of(linear: Linear, coordinates: Coordinates) -> np.ndarray:
     """Information of the projected problem and the prior, (k, k)."""
     return np.einsum("wma,wmb->ab", linear.projected, linear.projected) + np.diag(coordinates.sd**-2.0)
@@ -236,27 +158,3 @@ def _step(point: Point, linear: Linear, coordinates: Coordinates, damping: float
     ahead = np.einsum("wmx,wm->wx", linear.basis, point.residual)
     gain = slope @ inside - inside @ hessian @ inside / 2 + (ahead**2).sum() / 2
     return inside, x_step, gain
-
-
-def _moved(problem: Problem, point: Point, coordinates: Coordinates, z_step, x_step) -> Point:
-    hypothesis = coordinates.write(point.hypothesis, coordinates.read(point.hypothesis) + z_step)
-    states = shift(problem.simulator.base, point.qpos, point.qvel, x_step)
-    return problem.evaluate(hypothesis, *states, coordinates)
-
-
-def _better(one: Point, other: Point) -> Point:
-    """Two points of one hypothesis, each window's start from the one that fits it better."""
-    squares = [np.nan_to_num((p.residual**2).sum(1), nan=np.inf) for p in (one, other)]
-    first = (squares[0] <= squares[1])[:, None]
-    qpos, qvel, residual = (
-        np.where(first, getattr(one, name), getattr(other, name)) for name in ("qpos", "qvel", "residual")
-    )
-    finite = one if np.isfinite(one.cost) else other
-    bent = finite.cost - (finite.residual**2).sum() / 2
-    cost = float((residual**2).sum() / 2 + bent)
-    return Point(one.hypothesis, qpos, qvel, residual, cost if np.isfinite(cost) else np.inf)
-
-
-def first_point(problem: Problem, coordinates: Coordinates, hypothesis: Hypothesis) -> Point:
-    """`hypothesis` with the initial states that the measurements show."""
-    return problem.evaluate(hypothesis, *problem.starts, coordinates)

@@ -4,12 +4,14 @@ Numerics are not physics: the error of the time step is measured by halving it t
 extrapolation, and what is uncertain about that is counted as noise.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.mismatch.fit import Fit, first_point, fit, relinearised, restarted
+from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.problem import NOTHING, Coordinates, Linear, Point, Problem
+from fimpact.mismatch.settle import first_point, restarted
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level, start_states
 from fimpact.mismatch.windows import cut
@@ -90,9 +92,12 @@ def settle(problem: Problem, hypothesis: Hypothesis, near: Point | None = None, 
     return fit(problem, NOTHING, start, 8, linear, refresh=False)
 
 
-def base_fit(bench: Bench, coordinates: Coordinates, hypothesis: Hypothesis) -> tuple[Fit, Fit]:
-    """The hypothesis fitted to the training windows, and settled on those held out, numerics corrected at both."""
-    found = fit(bench.training, coordinates, first_point(bench.training, coordinates, hypothesis))
+def base_fit(
+    bench: Bench, coordinates: Coordinates, hypothesis: Hypothesis, far: Collection[int] | None = None
+) -> tuple[Fit, Fit]:
+    """The hypothesis fitted to the training windows, and settled on those held out, numerics corrected at both; `far`
+    as of `fit`."""
+    found = fit(bench.training, coordinates, first_point(bench.training, coordinates, hypothesis), far=far)
     found = relinearised(bench.training, again(bench, bench.training, found))
     return found, again(bench, bench.held_out, settle(bench.held_out, found.point.hypothesis))
 
@@ -105,7 +110,7 @@ def again(bench: Bench, problem: Problem, found: Fit) -> Fit:
         start = problem.evaluate(point.hypothesis, point.qpos, point.qvel, found.coordinates)
         start = restarted(problem, found.coordinates, start)
         found = fit(problem, found.coordinates, start, 12, found.linear, refresh=False)
-        if moved < max(STILL, FAINT * squares(found).sum()):
+        if moved < max(STILL, FAINT * found.point.squares.sum()):
             break
     return found
 
@@ -117,11 +122,6 @@ def exposed(problem: Problem, judged: Fit, fitted: Fit) -> Fit:
     raw = problem.columns(judged.point, free, range(len(free.scale)), base)
     linear = replace(linear, raw=raw, projected=linear.off(raw))
     return replace(judged, linear=linear, coordinates=free, scale=fitted.scale, pull=fitted.pull)
-
-
-def squares(found: Fit) -> np.ndarray:
-    """Sum of squared whitened residuals of each window, (w,)."""
-    return (found.point.residual**2).sum(1)
 
 
 def freedom(problem: Problem) -> float:

@@ -71,6 +71,16 @@ class Point:
     residual: np.ndarray
     cost: float
 
+    @property
+    def squares(self) -> np.ndarray:
+        """Sum of squared whitened residuals of each window, (w,)."""
+        return (self.residual**2).sum(1)
+
+    @property
+    def samples(self) -> np.ndarray:
+        """Measured numbers in each window, at least 1, (w,)."""
+        return np.maximum((self.residual != 0).sum(1), 1)
+
 
 @dataclass(frozen=True)
 class Linear:

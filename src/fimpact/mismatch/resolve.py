@@ -1,6 +1,6 @@
 """Resolve: what a further experiment says about the explanations that could not be told apart."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +8,8 @@ import numpy as np
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
 from fimpact.mismatch.explain import Explanation, corrected, explain, shapes_of, sizes_of
-from fimpact.mismatch.fit import fit
-from fimpact.mismatch.judge import Bench, base_fit, bench, settle, squares
+from fimpact.mismatch.fit import fit, lost
+from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.price import schwarz
 from fimpact.mismatch.problem import Point, Problem, coordinates
 from fimpact.mismatch.pulses import pulses
@@ -34,23 +34,26 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     Args:
         members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them.
     """
-    added, naive, begun = [replace(run, held_out=False) for run in added], None, members
+    added, begun = [replace(run, held_out=False) for run in added], members
+    begin, far = None, ()  # that an experiment's windows stray is no reason for long steps
     for attempt in range(PASSES + 1):
         made = bench(replace(recording, runs=(*recording.training, *added, *recording.held_out)))
-        begin = naive[0].point.hypothesis if naive else Hypothesis(made.training.simulator.theta)
-        naive = base_fit(made, coordinates(made.training.simulator), begin)
         new = made.training.windows.runs >= len(recording.training)
-        rivals = [_refitted(made, naive, member) for member in begun]
+        naive, rivals = _fitted(made, begin or Hypothesis(made.training.simulator.theta), begun, far)
+        begin = naive[0].point.hypothesis
         if not attempt and _stray(made, rivals, new).any():
             rivals = [_anew(made, naive, rival) for rival in rivals]
             begun = [{p.name: p.values for p in rival.placed} for rival in rivals]
-        lost = _stray(made, rivals, new)
-        if attempt == PASSES or not lost.any():
+        strays = _stray(made, rivals, new)
+        if attempt == PASSES or not strays.any():
             break
-        added = _left_out(made, added, lost)
+        added = _left_out(made, added, strays)
+    if all(lost(rival.fitted.point) for rival in rivals):
+        far = None
+        naive, rivals = _fitted(made, begin, begun, far)
     found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
     shaped = [member for member, rival in zip(members, rivals, strict=True) if shapes_of(rival.placed)]
-    stated = [_refitted(made, naive, member, held=True) for member in shaped]
+    stated = [_refitted(made, naive, member, far, held=True) for member in shaped]
     ranked = weigh(made, *found, rivals + stated)
     near = [r.weight >= CLOSE * ranked[0].weight for r in ranked]
     if len({r.name for r, own in zip(ranked, near, strict=True) if own}) > 1:
@@ -61,6 +64,12 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
 def remaining(ranked: list[Explanation]) -> list[str]:
     """Names that remain of what `resolve` returns."""
     return [member.name for member in untold(ranked[0], ranked[1:], REMAINING)]
+
+
+def _fitted(made: Bench, begin: Hypothesis, members: Sequence[dict[str, dict]], far: Collection[int] | None) -> tuple:
+    """The naive model's fits, in training and held-out windows, and the members'."""
+    naive = base_fit(made, coordinates(made.training.simulator), begin, far)
+    return naive, [_refitted(made, naive, member, far) for member in members]
 
 
 def _anew(made: Bench, naive, rival: Explanation) -> Explanation:
@@ -105,7 +114,7 @@ def _stray(made: Bench, rivals: list[Explanation], new: np.ndarray) -> np.ndarra
     """Of the windows, (w,), those `new` ones that every rival follows worse than any recorded one, the worst of them:
     one of those can spoil the fit of others."""
     samples = np.maximum(np.isfinite(made.training.windows.measured).sum((1, 2)), 1)
-    size = np.min([squares(rival.fitted) for rival in rivals], 0) / samples
+    size = np.min([rival.fitted.point.squares for rival in rivals], 0) / samples
     return new & (size > max(size[~new].max(), ALIKE * size.max()))
 
 
@@ -118,7 +127,9 @@ def _left_out(made: Bench, added: list[Run], lost: np.ndarray) -> list[Run]:
     return [replace(run, measured=measured) for run, measured in zip(added, out, strict=True)]
 
 
-def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -> Explanation:
+def _refitted(
+    made: Bench, naive, member: dict[str, dict], far: Collection[int] | None = (), held: bool = False
+) -> Explanation:
     """`member` fitted; held: its shapes stay as they are stated."""
     problem, point = made.training, naive[0].point
     placed = _placed(member, problem, scales(problem, point))
@@ -127,7 +138,7 @@ def _refitted(made: Bench, naive, member: dict[str, dict], held: bool = False) -
     start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
     if not np.isfinite(start.cost):
         raise ValueError(f"{'+'.join(member)} at {member} cannot be simulated on the added runs")
-    fitted = fit(problem, free, start)
+    fitted = fit(problem, free, start, far=far)
     return explain(fitted, settle(made.held_out, fitted.point.hypothesis, naive[1].point))
 
 

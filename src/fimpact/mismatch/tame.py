@@ -8,9 +8,11 @@ import numpy as np
 
 from fimpact.mismatch.colour import tempered
 from fimpact.mismatch.explain import Explanation, moved
-from fimpact.mismatch.fit import fit, leaped, restarted, settled
+from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import Bench
+from fimpact.mismatch.leap import leaped
 from fimpact.mismatch.problem import Coordinates, Point, Problem
+from fimpact.mismatch.settle import restarted, settled
 from fimpact.mismatch.simulate import can_touch
 
 WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
@@ -41,7 +43,7 @@ def tamed(bench: Bench, explanation: Explanation) -> Explanation:
 
 def _pass(problem: Problem, free: Coordinates, point: Point) -> Point:
     """Each window's noise as it shows at `point`, and the fit under that."""
-    quiet = problem.louder(np.sqrt(np.maximum(_squares(point) / _samples(point), 1.0)))
+    quiet = problem.louder(np.sqrt(np.maximum(point.squares / point.samples, 1.0)))
     start = quiet.evaluate(point.hypothesis, point.qpos, point.qvel, free)
     found = fit(quiet, free, leaped(quiet, free, start)).point
     there = problem.evaluate(found.hypothesis, found.qpos, found.qvel, free)
@@ -50,13 +52,5 @@ def _pass(problem: Problem, free: Coordinates, point: Point) -> Point:
 
 def _unlikely(point: Point) -> float:
     """Tempered squares of all windows, and the prior's."""
-    squares = _squares(point)
-    return float(tempered(squares, _samples(point)).sum() + 2 * point.cost - squares.sum())
-
-
-def _squares(point: Point) -> np.ndarray:
-    return (point.residual**2).sum(1)
-
-
-def _samples(point: Point) -> np.ndarray:
-    return np.maximum((point.residual != 0).sum(1), 1)
+    squares = point.squares
+    return float(tempered(squares, point.samples).sum() + 2 * point.cost - squares.sum())

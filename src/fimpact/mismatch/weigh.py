@@ -86,7 +86,7 @@ def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
     """
     found = []
     for part, own in zip(best.parts, sums, strict=True):
-        samples = (part.point.residual != 0).sum(1)
+        samples = part.point.samples
         found.append(own.sum() / samples.sum())
         if len(own) >= FEW:
             found.append(np.var(own * samples.mean() / samples, ddof=1) / (2 * own.mean()))

@@ -1,0 +1,83 @@
+"""Settle: the initial states alone, each window's own, while a hypothesis stays as it is."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fimpact.mismatch.problem import Coordinates, Point, Problem, shift
+from fimpact.mismatch.simulate import Hypothesis
+
+DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
+THOUSANDTH = 1e-3
+STUCK = 3.0  # times the median of the windows' squares
+
+
+def first_point(problem: Problem, coordinates: Coordinates, hypothesis: Hypothesis) -> Point:
+    """`hypothesis` with the initial states that the measurements show."""
+    return problem.evaluate(hypothesis, *problem.starts, coordinates)
+
+
+def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations: int = 6) -> Point:
+    """The initial states alone, each window with a damping of its own: a window that meets a contact must not hold
+    back those that do not. A window with no more to gain than a thousandth of its cost is done."""
+    going, damping = np.arange(len(point.qpos)), np.full(len(point.qpos), FIRST)
+    states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
+    for _ in range(iterations):
+        part, own = problem.part(going), replace(point, **{name: rows[going] for name, rows in states.items()})
+        step, gain = _start_step(part, own, damping[going])
+        before = own.squares
+        moving = gain >= THOUSANDTH * before
+        if not moving.any():
+            break
+        trial = moved(part, own, coordinates, 0.0, step)
+        gained = trial.squares < before
+        for name, rows in states.items():
+            rows[going[gained]] = getattr(trial, name)[gained]
+        damping[going] = np.where(gained, damping[going] / 10, np.clip(damping[going] * 30, FAILED, DAMPING[1]))
+        going = going[moving]
+    return problem.evaluate(point.hypothesis, states["qpos"], states["qvel"], coordinates)
+
+
+def _start_step(problem: Problem, point: Point, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Step of each window's initial state, (w, nx), and what it promises, (w,)."""
+    basis, triangle = problem.starts_at(point)
+    gram = triangle.transpose(0, 2, 1) @ triangle
+    along = np.einsum("wji,wj->wi", triangle, np.einsum("wmx,wm->wx", basis, point.residual))
+    loaded = gram + damping[:, None, None] * gram * np.eye(gram.shape[1])
+    step = np.linalg.solve(loaded, along[..., None])[..., 0]
+    return step, np.einsum("wi,wi->w", step, along)
+
+
+def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point:
+    """`point`, with windows that fit far worse than the others tried anew from what the measurements show: a start on
+    the wrong side of a contact does not find its way back."""
+    squares = point.squares
+    loud = squares > STUCK * np.median(squares)
+    if not loud.any():
+        return point
+    part = problem.part(loud)
+    anew = settled(part, coordinates, part.evaluate(point.hypothesis, *part.starts, coordinates))
+    states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
+    for name, rows in states.items():
+        rows[loud] = getattr(anew, name)
+    return better(point, replace(point, **states))
+
+
+def moved(problem: Problem, point: Point, coordinates: Coordinates, z_step, x_step) -> Point:
+    """`point` with its coordinates moved by z_step, (k,), and its initial states by x_step, (w, nx)."""
+    hypothesis = coordinates.write(point.hypothesis, coordinates.read(point.hypothesis) + z_step)
+    states = shift(problem.simulator.base, point.qpos, point.qvel, x_step)
+    return problem.evaluate(hypothesis, *states, coordinates)
+
+
+def better(one: Point, other: Point) -> Point:
+    """Two points of one hypothesis, each window's start from the one that fits it better."""
+    squares = [np.nan_to_num(p.squares, nan=np.inf) for p in (one, other)]
+    first = (squares[0] <= squares[1])[:, None]
+    qpos, qvel, residual = (
+        np.where(first, getattr(one, name), getattr(other, name)) for name in ("qpos", "qvel", "residual")
+    )
+    finite = one if np.isfinite(one.cost) else other
+    bent = finite.cost - (finite.residual**2).sum() / 2
+    cost = float((residual**2).sum() / 2 + bent)
+    return Point(one.hypothesis, qpos, qvel, residual, cost if np.isfinite(cost) else np.inf)
