@@ -279,6 +279,18 @@ def test_twins_are_resolved_when_the_rival_is_gone(recording):
     assert row["both_in_set"] and row["resolved_designed"] and row["resolved_random"] is False
 
 
+def test_another_set_is_resolved_when_the_truth_is_left_alone(recording):
+    told = answer("coulomb@joint_2", "dahl@joint_2")
+    told["resolved"] = {
+        "designed": {"answer_set": ["coulomb@joint_2"]},
+        "random": {"answer_set": ["coulomb@joint_2", "stribeck@joint_2"]},
+    }
+    row = score_case("01", truth("single", (COULOMB,)), recording, told)
+    assert row["resolved_designed"] is True and row["resolved_random"] is False and row["both_in_set"] is None
+    row = score_case("01", truth("outside", (COULOMB,)), recording, told)
+    assert row["resolved_designed"] is None
+
+
 def test_a_failed_diagnosis_said_nothing(recording):
     told = {"diagnosis": {"case": "01", "status": "failed: ValueError: no"}}
     row = score_case("01", truth("single", (COULOMB,)), recording, told)

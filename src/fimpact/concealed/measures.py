@@ -152,7 +152,7 @@ def _several(cases: pd.DataFrame) -> list[Measure]:
 
 
 def _twins(cases: pd.DataFrame) -> list[Measure]:
-    twins = _of(cases, "twin")
+    twins, others = _of(cases, "twin"), _of(cases, "single", "double")
     both = twins.resolved_designed.notna() & twins.resolved_random.notna()
     gain = twins.resolved_designed[both].astype(float) - twins.resolved_random[both].astype(float)
     answered = twins.resolved_designed.astype("boolean").fillna(False).astype(bool)
@@ -162,6 +162,8 @@ def _twins(cases: pd.DataFrame) -> list[Measure]:
         share("… of those where an experiment was designed", twins.resolved_designed),
         share("… by one random experiment of the same limits", twins.resolved_random),
         average("… designed over random, points", 100 * gain, np.mean, number(digits=0), 1, 20, np.nan),
+        share("other sets: one designed experiment leaves the truth alone", others.resolved_designed),
+        share("… one random experiment of the same limits", others.resolved_random),
     ]
 
 

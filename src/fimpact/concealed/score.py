@@ -77,7 +77,7 @@ def score_case(
         **_where(model, recording, truth, row),
         **_held(truth, row),
         "exported": row.get("exported"),
-        **_twin(truth, row, told.get("resolved", {})),
+        **_set(truth, row, told.get("resolved", {})),
         **{name: told.get("peers", {}).get(name) for name in PEERS},
         **{f"seconds_{stage}": seconds for stage, seconds in row["seconds"].items()},
         **{f"job_{stage}": told.get(stage, {}).get("job_seconds") for stage in STAGES},
@@ -142,18 +142,19 @@ def _held(truth: Truth, row) -> dict[str, int | None]:
     return {"intervals": len(pairs), "covered": sum(low <= value <= high for (low, high), value in pairs)}
 
 
-def _twin(truth: Truth, row, resolved) -> dict[str, Any]:
-    """Whether a twin's first answer is the set, and which experiment left the planted one alone."""
+def _set(truth: Truth, row, resolved) -> dict[str, Any]:
+    """Whether a twin's first answer is the set, and which experiment left what was planted without its twin or, where
+    that has none, alone."""
     out: dict[str, Any] = {"members": len(row["answer_set"]), "both_in_set": None}
     out |= {f"resolved_{way}": None for way in ("designed", "random")}
-    if truth.rival is None:
+    if truth.kind in ("null", "outside"):
         return out
-    own, rival = planted_name(truth.effects), planted_name([truth.rival])
-    out["both_in_set"] = {own, rival} <= set(row["answer_set"])
-    for way in ("designed", "random"):
-        if way in resolved:
-            left = resolved[way]["answer_set"]
-            out[f"resolved_{way}"] = left[0] == own and rival not in left
+    own, rival = planted_name(truth.effects), planted_name([truth.rival]) if truth.rival else None
+    if rival:
+        out["both_in_set"] = {own, rival} <= set(row["answer_set"])
+    for way in {"designed", "random"} & set(resolved):
+        left = resolved[way]["answer_set"]
+        out[f"resolved_{way}"] = left[0] == own and (rival not in left if rival else len(left) == 1)
     return out
 
 
