@@ -12,6 +12,7 @@ from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
 from fimpact.mismatch.colour import tempered
 from fimpact.mismatch.name import DOUBTED, RIGHT, SHARP, Naming, _further
 from fimpact.mismatch.nameless import Stranger
+from fimpact.mismatch.problem import Point
 from fimpact.mismatch.step import SEEN, Step, step
 
 SAMPLES = 100
@@ -21,7 +22,8 @@ def rival(name, *squares, friction=0.1, among=0.0, dispersion=2.0):
     """An explanation whose held-out windows have these sums of squares, and `among` disturbances that one."""
     residual = np.sqrt(np.array(squares) / SAMPLES)[:, None] * np.ones(SAMPLES)
     linear = SimpleNamespace(off=lambda left: np.array([np.sqrt(among)]))
-    judged = SimpleNamespace(point=SimpleNamespace(residual=residual), linear=linear)
+    point = Point(None, None, None, residual, np.sum(squares) / 2)
+    judged = SimpleNamespace(point=point, linear=linear)
     placed = (Placed(EFFECTS["coulomb"], "joint_1", {"friction": friction}),)
     return SimpleNamespace(name=name, fitted=0, judged=judged, placed=placed, weight=1.0, dispersion=dispersion)
 
