@@ -77,7 +77,7 @@ def score_case(
         **_where(model, recording, truth, row),
         **_held(truth, row),
         "exported": row.get("exported"),
-        **_set(truth, row, told.get("resolved", {})),
+        **_resolved(truth, row, told.get("resolved", {})),
         **{name: told.get("peers", {}).get(name) for name in PEERS},
         **{f"seconds_{stage}": seconds for stage, seconds in row["seconds"].items()},
         **{f"job_{stage}": told.get(stage, {}).get("job_seconds") for stage in STAGES},
@@ -142,7 +142,7 @@ def _held(truth: Truth, row) -> dict[str, int | None]:
     return {"intervals": len(pairs), "covered": sum(low <= value <= high for (low, high), value in pairs)}
 
 
-def _set(truth: Truth, row, resolved) -> dict[str, Any]:
+def _resolved(truth: Truth, row, resolved) -> dict[str, Any]:
     """Whether a twin's first answer is the set, and which experiment left what was planted without its twin or, where
     that has none, alone."""
     out: dict[str, Any] = {"members": len(row["answer_set"]), "both_in_set": None}

@@ -78,7 +78,7 @@ class Point:
 
     @property
     def samples(self) -> np.ndarray:
-        """Measured numbers in each window, at least 1, (w,)."""
+        """Numbers that are compared in each window, at least 1, (w,)."""
         return np.maximum((self.residual != 0).sum(1), 1)
 
 
