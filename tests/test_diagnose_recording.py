@@ -80,6 +80,6 @@ def test_the_improved_model_of_a_rig_needs_plain_mujoco_only(tmp_path):
     diagnosis = diagnosis_of(recording, Placed(EFFECTS["linear_drag"], "ball", {"coefficient": 0.01}))
     assert diagnosis.evidence.after < 0.5 * diagnosis.evidence.before
     written = write_model(diagnosis, tmp_path)
-    assert tmp_path / "improved.xml" in written
+    assert tmp_path / "improved.xml" in written.files
     assert check_model(diagnosis, tmp_path) < 0.02
     subprocess.run([sys.executable, "-c", PLAIN], cwd=tmp_path, check=True)

@@ -72,7 +72,7 @@ def rubbing() -> Recording:
 def test_native_fields_alone_reproduce_the_improved_simulation(rubbing, tmp_path):
     diagnosis = diagnosis_of(rubbing, Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.015}))
     written = write_model(diagnosis, tmp_path)
-    assert [path.name for path in written] == ["improved.xml"]
+    assert [path.name for path in written.files] == ["improved.xml"]
     assert check_model(diagnosis, tmp_path) < 0.02
     plain = mujoco.MjModel.from_xml_path(str(tmp_path / "improved.xml"))
     assert plain.dof_frictionloss[0] == pytest.approx(0.02, rel=0.1)
@@ -84,7 +84,7 @@ def test_a_law_without_a_field_runs_where_fimpact_is_not_installed(rubbing, tmp_
     law = Placed(EFFECTS["stribeck"], "pivot", {"coulomb": 0.02, "excess": 0.001, "speed": 1.0})
     diagnosis = diagnosis_of(rubbing, law)
     written = write_model(diagnosis, tmp_path)
-    assert [path.name for path in written] == ["improved.xml", "improved.py"]
+    assert [path.name for path in written.files] == ["improved.xml", "improved.py"]
     assert check_model(diagnosis, tmp_path) < 0.02
     assert "import fimpact" not in (text := (tmp_path / "improved.py").read_text()) and "from fimpact" not in text
     code = (
@@ -126,8 +126,19 @@ def test_what_does_not_improve_held_out_runs_is_not_exported(tmp_path):
     if useless.evidence.low > 0:
         useless.evidence = SimpleNamespace(**{**vars(useless.evidence), "low": -0.01})
     assert "do not improve" in refusal(useless)
-    assert write_model(useless, tmp_path / "out") == []
+    assert write_model(useless, tmp_path / "out").files == []
     assert not (tmp_path / "out").exists()
+
+
+def test_what_predicts_worse_than_the_naive_model_is_not_exported(rubbing, tmp_path, monkeypatch):
+    diagnosis = diagnosis_of(rubbing, Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.015}))
+    naive = model._ours(diagnosis, diagnosis.naming.naive.judged)
+    monkeypatch.setattr(model, "_replayed", lambda *_: 1.01 * naive)
+    refused = write_model(diagnosis, tmp_path / "out")
+    assert refused.files == [] and refused.difference is None and "depends on the time step" in refused.refusal
+    assert not (tmp_path / "out").exists()
+    monkeypatch.setattr(model, "_replayed", lambda *_: 0.99 * naive)
+    assert write_model(diagnosis, tmp_path / "out").files == [tmp_path / "out" / "improved.xml"]
 
 
 def test_meshes_travel_with_the_model(tmp_path):
@@ -142,6 +153,6 @@ def test_meshes_travel_with_the_model(tmp_path):
     diagnosis = diagnosis_of(record(0.02, xml), Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.015}))
     out = tmp_path / "out"
     written = write_model(diagnosis, out)
-    assert out / "assets" / "block.obj" in written
+    assert out / "assets" / "block.obj" in written.files
     (tmp_path / "parts" / "block.obj").unlink()
     assert mujoco.MjModel.from_xml_path(str(out / "improved.xml")).nmesh == 1

@@ -25,7 +25,8 @@ from fimpact.film import draw_film
 from fimpact.mismatch.diagnose import Diagnosis, parameter_rows, to_json
 from fimpact.mismatch.discriminate import Experiment
 from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.model import ASSETS, CALLBACK, XML, check_model, refusal, write_model
+from fimpact.mismatch.mjcf import ASSETS
+from fimpact.mismatch.model import CALLBACK, XML, write_model
 from fimpact.mismatch.per_run import error_per_run, floor_per_run, unit_of
 from fimpact.mismatch.shape import shapes
 from fimpact.report_figures import pictures, shown_run
@@ -122,10 +123,10 @@ def contents(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) 
     data bear it out."""
     written = write_model(diagnosis, folder)
     exported = {
-        "files": sorted(path.relative_to(folder).as_posix() for path in written),
-        "difference": check_model(diagnosis, folder) if written else None,
-        "refusal": refusal(diagnosis),
-        "numerics": _numerics(folder / XML) if written else "",
+        "files": sorted(path.relative_to(folder).as_posix() for path in written.files),
+        "difference": written.difference,
+        "refusal": written.refusal,
+        "numerics": _numerics(folder / XML) if written.files else "",
     }
     effects = [
         {"name": p.name, "equation": p.effect.equation, "sentence": p.effect.sentence, "reference": p.effect.reference}

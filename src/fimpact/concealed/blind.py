@@ -16,7 +16,7 @@ from fimpact.concealed.archive import cases_in, load_recording
 from fimpact.concealed.rows import DONE, Arrays, Report, each, read_rows, runs_of
 from fimpact.mismatch.diagnose import Diagnosis, diagnose, to_json
 from fimpact.mismatch.discriminate import discriminate, limits, repeats
-from fimpact.mismatch.model import check_model, write_model
+from fimpact.mismatch.model import write_model
 from fimpact.mismatch.resolve import remaining, resolve
 from fimpact.recordings import Recording, Run
 
@@ -47,17 +47,13 @@ def diagnose_case(recording: Recording, report: Report = lambda line: None) -> t
     watch = Stopwatch(report)
     diagnosis = diagnose(recording, watch)
     watch("exporting the improved model")
-    exported = _exported(diagnosis)
+    with TemporaryDirectory() as folder:
+        exported = write_model(diagnosis, folder).difference
     watch("designing the next experiment")
     commands, predicted = _experiments(diagnosis)
     watch("done")
     own = {"exported": exported, "experiment": predicted, "seconds": watch.seconds}
     return {"status": DONE, **to_json(diagnosis), **own}, commands
-
-
-def _exported(diagnosis: Diagnosis) -> float | None:
-    with TemporaryDirectory() as folder:
-        return check_model(diagnosis, folder) if write_model(diagnosis, folder) else None
 
 
 def _experiments(diagnosis: Diagnosis) -> tuple[Arrays, dict[str, float]]:

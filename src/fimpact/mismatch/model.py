@@ -4,10 +4,10 @@ Fields that MuJoCo has are written into `improved.xml`; a law that it lacks goes
 """
 
 import importlib.util
-import re
-import shutil
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
 from unittest.mock import patch
 from xml.etree import ElementTree
@@ -20,9 +20,11 @@ from fimpact.effects.native import exporting
 from fimpact.mismatch import player
 from fimpact.mismatch.callback import Bundle, listed
 from fimpact.mismatch.diagnose import Diagnosis, in_words
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.mjcf import carry_assets, exact, sharpen
 from fimpact.recordings import FIELDS
 
-XML, CALLBACK, ASSETS = "improved.xml", "improved.py", "assets"
+XML, CALLBACK = "improved.xml", "improved.py"
 PAST = 500  # rows before a window that a native lag or delay is given to remember
 AGREES = 0.005  # relative difference of held-out error; finer numerics are written where the naive ones give more
 RK4 = mujoco.mjtIntegrator.mjINT_RK4
@@ -42,11 +44,20 @@ LISTS = {
     "command": "COMMANDS",
     "measurement": "MEASUREMENTS",
 }
-KEPT = ("body_", "dof_", "jnt_", "geom_", "site_", "actuator_", "pair_", "eq_", "tendon_", "qpos", "cam_", "mesh_")
+
+
+@dataclass(frozen=True)
+class Exported:
+    """The files written; the relative difference of held-out error between them, in plain MuJoCo, and our simulation,
+    None where there are none, and then why, in one sentence."""
+
+    files: list[Path]
+    difference: float | None = None
+    refusal: str = ""
 
 
 def refusal(diagnosis: Diagnosis) -> str:
-    """Why no model is exported, in one sentence; empty where one is."""
+    """Why no model is to be exported, in one sentence; empty where one is."""
     evidence = diagnosis.evidence
     if not diagnosis.naming.best.placed:
         return "No model is exported: no effect was added."
@@ -77,50 +88,73 @@ def improved_model(diagnosis: Diagnosis, integrator: int | None = None, halvings
     return spec
 
 
-def write_model(diagnosis: Diagnosis, folder: Path | str) -> list[Path]:
+def write_model(diagnosis: Diagnosis, folder: Path | str) -> Exported:
     """Write `improved.xml`, the files that it loads and, where a law has no native field, `improved.py`.
 
     Integrator and time step are the naive model's if the file alone then agrees with the improved simulation, whose
-    step error was extrapolated away; else the first of `NUMERICS` that does, or comes nearest.
-
-    Returns:
-        Paths of what was written; none where `refusal` says why.
+    step error was extrapolated away; else the first of `NUMERICS` that does, or comes nearest. Nothing is written where
+    `refusal` says why, or where the nearest is no better than the naive model.
     """
-    if refusal(diagnosis):
-        return []
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    found = {}
-    for numerics in NUMERICS:
-        written = _write(diagnosis, folder, *numerics)
-        found[numerics] = check_model(diagnosis, folder)
-        if found[numerics] <= AGREES:
-            return written
-    return _write(diagnosis, folder, *min(found, key=found.get))
+    if why := refusal(diagnosis):
+        return Exported([], refusal=why)
+    errors = {}
+    with TemporaryDirectory() as tried:
+        for numerics in NUMERICS:
+            _write(diagnosis, Path(tried), *numerics)
+            errors[numerics] = _replayed(diagnosis, Path(tried))
+            if _difference(diagnosis, errors[numerics]) <= AGREES:
+                break
+    nearest = min(errors, key=lambda numerics: _difference(diagnosis, errors[numerics]))
+    if why := _spoiled(diagnosis, errors[nearest]):
+        return Exported([], refusal=why)
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return Exported(_write(diagnosis, Path(folder), *nearest), _difference(diagnosis, errors[nearest]))
 
 
 def check_model(diagnosis: Diagnosis, folder: Path | str) -> float:
-    """Relative difference of held-out error between the files in `folder`, in plain MuJoCo, and our simulation.
+    """Relative difference of held-out error between the files in `folder`, in plain MuJoCo, and our simulation."""
+    return _difference(diagnosis, _replayed(diagnosis, Path(folder)))
 
-    Every held-out window is replayed from its fitted initial state. Infinite where the file's simulation diverges.
-    """
+
+def _replayed(diagnosis: Diagnosis, folder: Path) -> float:
+    """Root mean square of what the files in `folder` leave of every held-out window, replayed from its fitted initial
+    state, in standard deviations. Infinite where the file's simulation diverges."""
     problem, judged = diagnosis.bench.held_out, diagnosis.naming.best.judged.point
-    windows, scene = problem.windows, _player(diagnosis, Path(folder))
-    model = scene.load(Path(folder) / XML)
+    windows, scene = problem.windows, _player(diagnosis, folder)
+    model = scene.load(folder / XML)
     states = zip(windows.runs, windows.first, judged.qpos, judged.qvel, strict=True)
     rows = [scene.simulate(model, windows.ctrl[run], q, v, int(first), windows.length) for run, first, q, v in states]
-    theirs = problem.whiten(windows.measured - np.array(rows))
-    ours = judged.residual[:, : theirs.shape[1]]
-    difference = abs(np.sqrt((theirs**2).mean() / (ours**2).mean()) - 1)
-    return float(difference) if np.isfinite(difference) else np.inf
+    error = float(np.sqrt((problem.whiten(windows.measured - np.array(rows)) ** 2).mean()))
+    return error if np.isfinite(error) else np.inf
+
+
+def _ours(diagnosis: Diagnosis, judged: Fit) -> float:
+    """Root mean square of what our simulation leaves of the held-out windows, in standard deviations."""
+    samples = diagnosis.bench.held_out.windows.measured[0].size
+    return float(np.sqrt((judged.point.residual[:, :samples] ** 2).mean()))
+
+
+def _difference(diagnosis: Diagnosis, error: float) -> float:
+    return abs(error / _ours(diagnosis, diagnosis.naming.best.judged) - 1)
+
+
+def _spoiled(diagnosis: Diagnosis, error: float) -> str:
+    """Why files that leave `error` are of no use, in one sentence; empty where they are."""
+    naive = _ours(diagnosis, diagnosis.naming.naive.judged)
+    if error < naive:
+        return ""
+    return (
+        f"No model is exported: in plain MuJoCo it would leave {error:.3g} standard deviations of held-out runs, the "
+        f"naive model {naive:.3g}: in some windows the motion depends on the time step, whatever that is."
+    )
 
 
 def _write(diagnosis: Diagnosis, folder: Path, integrator: int | None, halvings: int) -> list[Path]:
     spec = improved_model(diagnosis, integrator, halvings)
     model = spec.compile()
     tree = ElementTree.fromstring(spec.to_xml())
-    _sharpen(tree, _exact(diagnosis.recording.xml, model))
-    assets = _carry_assets(tree, Path(diagnosis.recording.folder), folder)
+    sharpen(tree, exact(diagnosis.recording.xml, model))
+    assets = carry_assets(tree, Path(diagnosis.recording.folder), folder)
     ElementTree.indent(tree)
     text = f"<!-- {_summary(diagnosis).replace('--', '- -')} -->\n{ElementTree.tostring(tree, encoding='unicode')}\n"
     (folder / XML).write_text(text, encoding="utf-8")
@@ -138,51 +172,6 @@ def _summary(diagnosis: Diagnosis) -> str:
         f"Improved by fimpact: {found}. Held-out error {evidence.before:.3g} -> {evidence.after:.3g} "
         f"standard deviations of noise.{partly}"
     )
-
-
-def _exact(xml: str, model: mujoco.MjModel) -> dict[str, str]:
-    """Numbers of the naive MJCF and of the compiled model by the six digits that MuJoCo writes of them."""
-    numbers = [float(n) for e in ElementTree.fromstring(xml).iter() for v in e.attrib.values() for n in _numbers(v)]
-    arrays = [getattr(model, name) for name in dir(model) if name.startswith(KEPT)]
-    arrays += [getattr(model.opt, name) for name in ("timestep", "gravity", "wind", "density", "viscosity")]
-    for array in arrays:
-        if isinstance(array, float) or getattr(array, "dtype", None) == np.float64:
-            numbers += np.ravel(array).tolist()
-    return {f"{number:.6g}": repr(number) for number in numbers}
-
-
-def _numbers(value: str) -> list[str]:
-    return [token for token in value.split() if re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", token, re.I)]
-
-
-def _sharpen(tree: ElementTree.Element, exact: dict[str, str]) -> None:
-    # MuJoCo writes six digits, which a long or chaotic simulation can tell from the fit.
-    for element in tree.iter():
-        for key, value in element.attrib.items():
-            tokens = value.split()
-            if key != "name" and tokens == _numbers(value):
-                element.set(key, " ".join(t if t.lstrip("-").isdigit() else exact.get(t, t) for t in tokens))
-
-
-def _carry_assets(tree: ElementTree.Element, source: Path, folder: Path) -> list[Path]:
-    """Copy meshes, textures and height fields beside the model, and name them there."""
-    dirs = {k: v for c in tree.iter("compiler") for k, v in c.attrib.items() if k in ("meshdir", "texturedir")}
-    copies: dict[Path, Path] = {}
-    for element in (e for a in tree.iter("asset") for e in a.iter()):
-        root = source / dirs.get("texturedir" if element.tag == "texture" else "meshdir", "")
-        for key in [k for k in element.attrib if k.startswith("file")]:
-            origin = root / element.attrib[key]
-            taken = {p.name for o, p in copies.items() if o != origin}
-            inside = Path(ASSETS) if origin.name not in taken else Path(ASSETS) / str(len(copies))
-            copies.setdefault(origin, inside / origin.name)
-            element.set(key, copies[origin].as_posix())
-    for compiler in tree.iter("compiler"):
-        for key in dirs:
-            compiler.attrib.pop(key, None)
-    for origin, place in copies.items():
-        (folder / place).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(origin, folder / place)
-    return [folder / place for place in copies.values()]
 
 
 def _without_field(diagnosis: Diagnosis) -> list[Placed]:
