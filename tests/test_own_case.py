@@ -37,6 +37,7 @@ def test_the_example_finds_the_friction_that_it_hides(made):
     assert [list(member) for member in found["members"]] == [["coulomb@shoulder"]]
     row = next(r for r in found["parameters"] if r["of"] == "coulomb@shoulder")
     assert row["after"] == pytest.approx(0.03, rel=0.02)
+    assert f"\n{found['verdict']}\n" in README
 
 
 def test_the_example_leaves_a_page_and_a_better_model(made):

@@ -53,14 +53,18 @@ def overlay(diagnosis: Diagnosis) -> Figure:
         unit = channel_unit(problem.simulator.base, diagnosis.recording.channels[channel])
         _thousandths(axes[2 * row + 1], unit)
     axes[-1].set_xlabel("time (s)")
-    handles = [Line2D([], [], color=c, linestyle=style, linewidth=width) for c, style, width in LINES]
+    handles = [Line2D([], [], **look) for look in LINES]
     names = ["recorded", "naive fit", "improved"]
     kept = 3 if naming.best.placed else 2
     figure.legend(handles[:kept], names[:kept], ncol=3, loc="outside upper center")
     return figure
 
 
-LINES = ((RECORDED, "-", 2.2), (NAIVE, "--", 1.2), (IMPROVED, "-", 1.0))
+LINES = (
+    {"color": RECORDED, "linewidth": 2.2, "alpha": 0.35},
+    {"color": NAIVE, "linewidth": 1.2, "linestyle": "--"},
+    {"color": IMPROVED, "linewidth": 1.0},
+)
 
 
 def worst_channels(diagnosis: Diagnosis) -> list[int]:
@@ -85,8 +89,8 @@ def _stitched(rows: np.ndarray) -> np.ndarray:
 def _signal(ax: Axes, time, series, diagnosis: Diagnosis, channel: int) -> None:
     name = diagnosis.recording.channels[channel]
     unit = channel_unit(diagnosis.bench.training.simulator.base, name)
-    for values, (colour, style, width) in zip(series, LINES, strict=False):
-        ax.plot(time, values, color=colour, linestyle=style, linewidth=width, alpha=0.35 if width > 2 else 1)
+    for values, look in zip(series, LINES, strict=False):
+        ax.plot(time, values, **look)
     ax.set_title(name)
     ax.set_ylabel(unit or "reading")
     ax.yaxis.set_major_locator(MaxNLocator(4))
@@ -95,8 +99,8 @@ def _signal(ax: Axes, time, series, diagnosis: Diagnosis, channel: int) -> None:
 def _errors(ax: Axes, time, series, noise: float) -> None:
     recorded, *models = series
     ax.axhspan(-2 * noise, 2 * noise, color=FAINT, linewidth=0)
-    for values, (colour, _, _) in zip(models, LINES[1:], strict=False):
-        ax.plot(time, recorded - values, color=colour, linewidth=0.9)
+    for values, look in zip(models, LINES[1:], strict=False):
+        ax.plot(time, recorded - values, color=look["color"], linewidth=0.9)
     ax.yaxis.set_major_locator(MaxNLocator(3))
 
 
