@@ -8,7 +8,7 @@ import numpy as np
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
 from fimpact.mismatch.explain import Explanation, corrected, explain, shapes_of, sizes_of
-from fimpact.mismatch.fit import fit, lost
+from fimpact.mismatch.fit import Fit, fit, lost
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.price import schwarz
 from fimpact.mismatch.problem import Point, Problem, coordinates
@@ -34,12 +34,25 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
     Args:
         members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them.
     """
-    added, begun = [replace(run, held_out=False) for run in added], members
-    begin, far = None, ()  # that an experiment's windows stray is no reason for long steps
+    added = [replace(run, held_out=False) for run in added]
+    made, naive, rivals, begun = _followed(recording, added, members)
+    far: Collection[int] | None = ()  # that an experiment's windows stray is no reason for long steps
+    if all(lost(rival.fitted.point) for rival in rivals):
+        far = None
+        naive, rivals = _fitted(made, naive[0].point.hypothesis, begun, far)
+    shaped = [member for member, rival in zip(members, rivals, strict=True) if shapes_of(rival.placed)]
+    stated = [_refitted(made, naive, member, far, held=True) for member in shaped]
+    return _priced(_compared(made, naive, rivals + stated))
+
+
+def _followed(recording: Recording, added: list[Run], members: Sequence[dict[str, dict]]) -> tuple:
+    """The bench without the windows of the `added` runs that no member follows, the naive model's fits and the members'
+    on it, and the values from which those began."""
+    begin, begun = None, members
     for attempt in range(PASSES + 1):
         made = bench(replace(recording, runs=(*recording.training, *added, *recording.held_out)))
         new = made.training.windows.runs >= len(recording.training)
-        naive, rivals = _fitted(made, begin or Hypothesis(made.training.simulator.theta), begun, far)
+        naive, rivals = _fitted(made, begin or Hypothesis(made.training.simulator.theta), begun, ())
         begin = naive[0].point.hypothesis
         if not attempt and _stray(made, rivals, new).any():
             rivals = [_anew(made, naive, rival) for rival in rivals]
@@ -48,17 +61,17 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
         if attempt == PASSES or not strays.any():
             break
         added = _left_out(made, added, strays)
-    if all(lost(rival.fitted.point) for rival in rivals):
-        far = None
-        naive, rivals = _fitted(made, begin, begun, far)
+    return made, naive, rivals, begun
+
+
+def _compared(made: Bench, naive: tuple[Fit, Fit], rivals: list[Explanation]) -> list[Explanation]:
+    """`rivals` by weight, those of several names that come near the likeliest with numerics of their own."""
     found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
-    shaped = [member for member, rival in zip(members, rivals, strict=True) if shapes_of(rival.placed)]
-    stated = [_refitted(made, naive, member, far, held=True) for member in shaped]
-    ranked = weigh(made, *found, rivals + stated)
+    ranked = weigh(made, *found, rivals)
     near = [r.weight >= CLOSE * ranked[0].weight for r in ranked]
-    if len({r.name for r, own in zip(ranked, near, strict=True) if own}) > 1:
-        ranked = weigh(made, *found, [corrected(made, r) if n else r for r, n in zip(ranked, near, strict=True)])
-    return _priced(ranked)
+    if len({r.name for r, own in zip(ranked, near, strict=True) if own}) == 1:
+        return ranked
+    return weigh(made, *found, [corrected(made, r) if n else r for r, n in zip(ranked, near, strict=True)])
 
 
 def remaining(ranked: list[Explanation]) -> list[str]:
@@ -118,11 +131,11 @@ def _stray(made: Bench, rivals: list[Explanation], new: np.ndarray) -> np.ndarra
     return new & (size > max(size[~new].max(), ALIKE * size.max()))
 
 
-def _left_out(made: Bench, added: list[Run], lost: np.ndarray) -> list[Run]:
-    """The added runs without what was measured in the windows `lost`."""
+def _left_out(made: Bench, added: list[Run], strays: np.ndarray) -> list[Run]:
+    """The added runs without what was measured in the windows `strays`."""
     windows, out = made.training.windows, [run.measured.copy() for run in added]
     before = len(made.training.simulator.recording.training) - len(added)
-    for run, first in zip(windows.runs[lost] - before, windows.first[lost], strict=True):
+    for run, first in zip(windows.runs[strays] - before, windows.first[strays], strict=True):
         out[run][first : first + windows.length] = np.nan
     return [replace(run, measured=measured) for run, measured in zip(added, out, strict=True)]
 
