@@ -399,6 +399,20 @@ def test_readings_between_samples():
     np.testing.assert_array_equal(alone, np.ones((1, 1, 3)))
 
 
+def test_sensors_that_are_late_together_are_late_against_a_known_start_or_command():
+    """A throw that nobody times may begin at any time; a single sensor is late beside the others anyway."""
+    time, line = np.array([[0.0], [6.0]]) + np.arange(6.0), np.repeat(np.arange(6.0)[None, :, None], 3, axis=2)
+    thrown = replace(RIGS["ball"].signal(np.zeros((2, 6, 0))), time=time)
+    driven = replace(thrown, actuators=("motor",))
+    read = EFFECTS["sensor_delay"].law
+    line = np.repeat(line, 2, axis=0)
+    together = read(line, thrown, "all", delay=0.5) - line
+    np.testing.assert_allclose(together[0], -0.5)
+    np.testing.assert_array_equal(together[1], 0.0)
+    np.testing.assert_allclose(read(line, driven, "all", delay=0.5) - line, -0.5)
+    np.testing.assert_allclose(read(line, thrown, "place", delay=0.5) - line, -0.5)
+
+
 def test_a_clock_that_drifts_counts_from_the_first_command_or_sample():
     """A window late in a run is read elsewhere where commands tell the time, and only stretched where nothing does."""
     time, line = 100.0 + np.arange(6.0)[None], np.repeat(np.arange(6.0)[None, :, None], 3, axis=2)

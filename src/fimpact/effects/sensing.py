@@ -5,7 +5,7 @@ import numpy as np
 
 from fimpact.effects import amounts, sites
 from fimpact.effects.base import Coefficient, Effect, Signal
-from fimpact.effects.sites import component, measured_by
+from fimpact.effects.sites import ALL, component, measured_by
 from fimpact.effects.structure import quaternion
 
 CHANNEL = "of the channel"  # in place of a unit: that of what the sensor measures
@@ -27,8 +27,12 @@ def sensor_scale(measured, signal: Signal, site, change):
 
 
 def sensor_delay(measured, signal: Signal, site, delay):
-    """The reading is that of an earlier time."""
-    return _read_at(measured, signal, site, signal.time - delay)
+    """The reading is that of an earlier time. Where nothing is commanded, all sensors together are late only against
+    the state that is known at the start of a run: any other motion may begin at any time."""
+    late = np.full_like(signal.time[:, :1], delay)
+    if site == ALL and not signal.actuators:
+        late[signal.time[:, :1] > 0] = 0.0
+    return _read_at(measured, signal, site, signal.time - late)
 
 
 def clock_drift(measured, signal: Signal, site, rate):
