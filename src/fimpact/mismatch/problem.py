@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Placed
-from fimpact.mismatch.simulate import Hypothesis, Simulator
+from fimpact.mismatch.simulate import DIVERGED, Hypothesis, Simulator
 from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS
 
@@ -72,6 +72,7 @@ class Point:
     cost: float
 
     @property
+    @DIVERGED
     def squares(self) -> np.ndarray:
         """Sum of squared whitened residuals of each window, (w,)."""
         return (self.residual**2).sum(1)
@@ -141,6 +142,7 @@ class Problem:
         """Whitened prediction, (w, T * ny), numerical offset included."""
         return self.whiten(self.simulator.predict(hypothesis, self.windows, qpos, qvel, push) + self.offset)
 
+    @DIVERGED
     def evaluate(self, hypothesis: Hypothesis, qpos, qvel, coordinates: Coordinates) -> Point:
         """Residual and cost of a hypothesis with initial states; infinite cost where the simulation diverges."""
         error = self.whiten(self.windows.measured) - self.predict(hypothesis, qpos, qvel)

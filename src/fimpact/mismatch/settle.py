@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.mismatch.problem import Coordinates, Point, Problem, shift
-from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.simulate import DIVERGED, Hypothesis
 
 DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
 THOUSANDTH = 1e-3
@@ -70,6 +70,7 @@ def moved(problem: Problem, point: Point, coordinates: Coordinates, z_step, x_st
     return problem.evaluate(hypothesis, *states, coordinates)
 
 
+@DIVERGED
 def better(one: Point, other: Point) -> Point:
     """Two points of one hypothesis, each window's start from the one that fits it better."""
     squares = [np.nan_to_num(p.squares, nan=np.inf) for p in (one, other)]

@@ -22,6 +22,8 @@ from fimpact.recordings import FIELDS, Recording
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
 LAWS = ("force", "friction", "gear")  # what is asked once per step
+# A trial that diverges is an infinite cost, and no news: numpy need not warn of it.
+DIVERGED = np.errstate(over="ignore", invalid="ignore")
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
@@ -105,8 +107,7 @@ class Simulator:
         copies += [copy.copy(model) for _ in range(count - len(copies))]
         return model, copies[:count]
 
-    # A trial that diverges is an infinite cost, and no news: numpy need not warn of it.
-    @np.errstate(over="ignore", invalid="ignore")
+    @DIVERGED
     def predict(self, hypothesis, windows: Windows, qpos, qvel, push: np.ndarray | None = None) -> np.ndarray:
         """Measurements, (w, T, ny), from states qpos (w, nq), qvel (w, nv) at the start of each window.
 
