@@ -288,11 +288,13 @@ def test_a_failed_diagnosis_said_nothing(recording):
 
 
 def test_parts_are_gathered_in_order(recording, tmp_path):
-    for name in ("02", "01"):
+    for name, stages in (("02", {"seconds_locating": 1.0}), ("01", {"seconds_fitting": 2.0, "seconds_locating": 1.0})):
         row = score_case(name, truth("single", (COULOMB,)), recording, answer("coulomb@joint_2"))
-        (tmp_path / name).write_text(as_lines([row | {"job_seconds": 1.0}]))
+        (tmp_path / name).write_text(as_lines([row | stages | {"job_seconds": 1.0}]))
     table = gather([tmp_path / "02", tmp_path / "01"])
     assert table.case.tolist() == ["01", "02"] and list(table.columns[: len(COLUMNS)]) == COLUMNS
+    assert list(table.columns) == list(gather([tmp_path / "01", tmp_path / "02"]).columns)
+    assert list(table.columns[-3:]) == ["seconds_fitting", "seconds_locating", "job_score"]
 
 
 @pytest.mark.skipif(not REFERENCE.exists(), reason=f"the benchmark's table was not committed yet: {REFERENCE}")
