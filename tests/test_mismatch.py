@@ -28,7 +28,7 @@ from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.settle import restarted
-from fimpact.mismatch.simulate import Hypothesis, Simulator
+from fimpact.mismatch.simulate import Hypothesis, Simulator, can_hold
 from fimpact.mismatch.starts import noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
 from fimpact.mismatch.weigh import both
@@ -347,9 +347,9 @@ def test_only_what_comes_near_the_likeliest_gets_numerics_of_its_own(monkeypatch
 
     asked, shifts = [], {"a": 40.0, "b": 0.0, "c": -20.0}
 
-    def corrected(bench, r):
-        asked.append(r.name)
-        return rival(r.name, r.deviance + shifts[r.name], True)
+    def corrected(bench, rivals):
+        asked.extend(r.name for r in rivals)
+        return [rival(r.name, r.deviance + shifts[r.name], True) for r in rivals]
 
     monkeypatch.setattr(Search, "ranked", ranked)
     monkeypatch.setattr("fimpact.mismatch.step.corrected", corrected)
@@ -621,6 +621,20 @@ def test_what_was_known_before_counts(nothing):
     assert bent.total == pytest.approx(sum(part.sum() for part in bent.deviances) + bent.bent)
 
 
+def test_what_no_window_shows_is_not_known(nothing):
+    """Its variance is huge, and not none: a shape of which nothing is seen must not be paid for as if it were known."""
+    fitted, found = nothing.naming.naive.fitted, nothing.naming.pulses
+    free, linear = fitted.coordinates, fitted.linear
+    hidden = np.arange(len(free.scale)) > 0
+    unseen = replace(linear, raw=linear.raw * hidden, projected=linear.projected * hidden)
+    alone = replace(fitted, linear=unseen, coordinates=replace(free, sd=np.where(hidden, free.sd, np.inf)))
+    shade = [colour(found, disturbance(fitted, found))]
+    error = np.sqrt(np.diag(generalised([alone], shade).covariance)) / free.scale
+    assert error[0] > 1e3 * error[1:].max()
+    known = np.sqrt(np.diag(generalised([fitted], shade).covariance)) / free.scale
+    assert (error[1:] < 1.01 * known[1:]).all()
+
+
 def test_what_no_force_explains_may_be_louder_than_the_sensors(nothing):
     fitted, found = nothing.naming.naive.fitted, nothing.naming.pulses
     every = np.ones(len(fitted.point.residual))
@@ -712,5 +726,43 @@ def test_units_are_those_of_the_joint_or_the_channel(site, unit, expected):
 def test_a_ratio_is_said_without_a_unit(monkeypatch, unit, said):
     row = {"name": "change", "of": "gain@drive", "unit": unit, "after": 2.51, "low": 0.51, "high": 4.51}
     monkeypatch.setattr("fimpact.mismatch.diagnose.parameter_rows", lambda *_: [row])
-    placed = SimpleNamespace(name="gain@drive", effect=SimpleNamespace(name="gain"), site="drive")
+    placed = Placed(EFFECTS["gain"], "drive", {"change": 2.51})
     assert in_words(None, None, placed) == f"gain at drive ({said})"
+
+
+HELD = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body>
+      <joint name="turn" axis="0 1 0" {joint}/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.02" {geom}/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("joint", "geom", "held"),
+    [
+        ("", 'contype="0"', False),
+        ('frictionloss="0.1"', 'contype="0"', True),
+        ('range="-1 1" limited="true"', 'contype="0"', True),
+        ("", "", True),
+    ],
+)
+def test_what_may_be_held_needs_a_solver(joint, geom, held):
+    assert can_hold(mujoco.MjModel.from_xml_string(HELD.format(joint=joint, geom=geom))) is held
+
+
+def test_without_a_solver_what_nothing_holds_moves_as_with_it(nothing, monkeypatch):
+    problem, point = nothing.bench.training, nothing.naming.naive.fitted.point
+
+    def predicted():
+        simulator = Simulator(problem.simulator.recording)
+        return simulator.predict(point.hypothesis, problem.windows, point.qpos, point.qvel)
+
+    alone = predicted()
+    monkeypatch.setattr("fimpact.mismatch.simulate.can_hold", lambda model: True)
+    assert not can_hold(problem.simulator.base) and np.array_equal(alone, predicted())

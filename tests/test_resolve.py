@@ -9,7 +9,7 @@ from planted import record
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.bounded import bounded
-from fimpact.mismatch.discriminate import ENOUGH, PATIENCE, Limits, _search, limits, worth
+from fimpact.mismatch.discriminate import ENOUGH, GENERATIONS, PATIENCE, TRIED, Limits, _search, limits, worth
 from fimpact.mismatch.explain import explain, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import base_fit, bench
@@ -162,6 +162,15 @@ def test_a_search_ends_when_more_is_not_needed_or_not_found(value, searched):
     assert len(calls) == searched and pairs == [value] and found == pytest.approx([0.5] * 3)
 
 
+def test_a_search_that_finds_nothing_worth_playing_ends_early():
+    values = iter(np.logspace(-6, -3, GENERATIONS))
+    allowed = Limits(np.zeros(3), np.ones(3), 5, 0, 1)
+    _, pairs = _search(
+        lambda designs: np.full((len(designs), 1), next(values)), allowed, np.zeros(3), np.array([1e-9]), 0
+    )
+    assert pairs == [np.logspace(-6, -3, GENERATIONS)[TRIED - 1]]
+
+
 def test_a_pair_that_nothing_separates_does_not_decide():
     pairs = np.array([[0.1, 5.0], [0.1, 50.0], [0.2, 5.0]])
     assert np.argmax(worth(pairs)) == 1
@@ -169,14 +178,14 @@ def test_a_pair_that_nothing_separates_does_not_decide():
 
 def test_commands_go_gently_or_at_once_from_knot_to_knot():
     knots = np.tile([[0.0], [1.0]], (4, 1)).ravel()
-    allowed = Limits(np.zeros(9), np.ones(9), 71, 1, 0)
-    gently, at_once = (allowed.unpack(np.append(knots, part))[0][:, 0] for part in (1.0, 0.02))
+    allowed = Limits(np.zeros(11), np.ones(11), 71, 1, 0)
+    gently, at_once = (allowed.unpack(np.append(knots, [part, 0, 0]))[0][:, 0] for part in (1.0, 0.02))
     assert np.diff(gently) == pytest.approx(np.tile(np.repeat([0.1, -0.1], 10), 4)[:70])
     assert set(np.unique(at_once)) == {0.0, 0.5, 1.0}
 
 
 def test_a_thrown_body_has_no_commands():
-    allowed = Limits(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0]), 5, 0, 1)
+    allowed = Limits(np.array([1.0, 0.0, 2.0, 3.0]), np.array([1.0, 1.0, 2.0, 3.0]), 5, 0, 1)
     ctrl, qpos, qvel = allowed.unpack(allowed.low)
     assert ctrl.shape == (5, 0) and qpos.tolist() == [2.0] and qvel.tolist() == [3.0]
 
@@ -214,3 +223,14 @@ def test_unknowns_that_the_recordings_leave_open_separate_nothing(rivals):
     parts = [part[None] for part in allowed.unpack(allowed.draw(np.random.default_rng(0), 1)[0])]
     apart = separations(made, known(made, members), *parts)
     assert (separations(made, told, *parts) < 1e-6 * apart).all()
+
+
+def test_square_waves_stay_within_the_limits_and_random_experiments_have_none():
+    bounds = np.append(np.full(8, -1.0), [0.02, 0.0, 0.0]), np.append(np.full(8, 2.0), [1.0, 1.0, 1.0])
+    allowed, rng = Limits(*bounds, 64, 1, 0), np.random.default_rng(0)
+    flat = np.append(np.full(8, 0.5), [1.0, 0.5])
+    slow, quick = (allowed.unpack(np.append(flat, pace))[0][:, 0] for pace in (0.0, 1.0))
+    assert slow == pytest.approx(np.repeat([1.25, -0.25], 32)) and np.abs(np.diff(quick)).sum() == 31 * 1.5
+    waved = np.array([allowed.unpack(design)[0] for design in allowed.draw(rng, 20, waves=True)])
+    assert waved.min() >= -1.0 and waved.max() <= 2.0
+    assert not allowed.draw(rng, 20)[:, 9].any()

@@ -34,6 +34,7 @@ def asked(folder, capsys):
     def asked(runs=(NEW,), members=MEMBERS, **spoiled):
         (folder / "case.yaml").write_text(yaml.safe_dump(CASE))
         told = {"answer": "viscous@pivot", "members": members, "runs": ["a", "b", "c"]}
+        told["parameters"] = [{"naive": 1.0, "after": 1.0}]
         told["provenance"] = describe_inputs(inputs(folder / "case.yaml"))
         (folder / "page").mkdir(exist_ok=True)
         (folder / "page" / "diagnosis.json").write_text(json.dumps(told | spoiled))

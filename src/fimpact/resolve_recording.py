@@ -10,7 +10,7 @@ from fimpact.cases import inputs, read_case
 from fimpact.cases.errors import CaseError
 from fimpact.effects.own import load_effects
 from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.resolve import remaining, resolve
+from fimpact.mismatch.resolve import remaining, resolve, stated
 from fimpact.recordings import Recording, Run
 from fimpact.report import DATA, describe_inputs
 
@@ -44,7 +44,7 @@ def resolve_recording(
     known, added = _split(recording, set(earlier["runs"]), case)
     names = ["+".join(sorted(member)) for member in earlier["members"]]
     progress(f"fitting {', '.join(names)} with {', '.join(run.name for run in added)}")
-    ranked = resolve(known, added, earlier["members"])
+    ranked = resolve(known, added, earlier["members"], stated(known, earlier))
     return ranked, remaining(ranked)
 
 
@@ -53,7 +53,7 @@ def _earlier(path: Path, case: Path | str) -> dict[str, Any]:
         raise CaseError(f"{path} is missing; run `fimpact diagnose {case}` first, or name its folder with --out")
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        count = len(found["members"]) if found["runs"] and found["provenance"]["inputs"] else 0
+        count = len(found["members"]) if found["runs"] and found["provenance"]["inputs"] and found["parameters"] else 0
     except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError):
         raise CaseError(f"{path} is no diagnosis of this version; run `fimpact diagnose {case}` again") from None
     if count < 2:

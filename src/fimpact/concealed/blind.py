@@ -5,7 +5,6 @@ limits; once both are played, say which member is left.
 """
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,7 +16,7 @@ from fimpact.concealed.rows import DONE, Arrays, Report, each, read_rows, runs_o
 from fimpact.mismatch.diagnose import Diagnosis, diagnose, to_json
 from fimpact.mismatch.discriminate import discriminate, limits, repeats
 from fimpact.mismatch.model import write_model
-from fimpact.mismatch.resolve import remaining, resolve
+from fimpact.mismatch.resolve import remaining, resolve, stated
 from fimpact.recordings import Recording, Run
 
 WAYS = ("designed", "random")
@@ -74,12 +73,12 @@ def _experiments(diagnosis: Diagnosis) -> tuple[Arrays, dict[str, float]]:
 
 def resolve_case(recording: Recording, row: dict[str, Any], played: dict[str, Run]) -> dict[str, Any]:
     """What the members of a set weigh once each experiment in `played` (way -> its run) is added, way by way."""
-    return {way: _resolved(recording, row["members"], run) for way, run in played.items()}
+    return {way: _resolved(recording, row, run) for way, run in played.items()}
 
 
-def _resolved(recording: Recording, members: Sequence[dict], run: Run) -> dict[str, Any]:
+def _resolved(recording: Recording, row: dict[str, Any], run: Run) -> dict[str, Any]:
     since = time.perf_counter()
-    ranked = resolve(recording, [run], members)
+    ranked = resolve(recording, [run], row["members"], stated(recording, row))
     weights = {e.name: e.weight for e in ranked}
     return {"answer_set": remaining(ranked), "weights": weights, "seconds": time.perf_counter() - since}
 

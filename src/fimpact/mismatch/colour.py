@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fimpact.mismatch.bounded import bounded
-from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.fit import Fit, inverse
 from fimpact.mismatch.problem import Linear
 from fimpact.mismatch.pulses import BINS, Pulses
 
@@ -151,14 +151,20 @@ def coloured(fitted: Fit, found: Pulses, pushing: Disturbance | None = None) -> 
 @dataclass(frozen=True)
 class Generalised:
     """The generalised least-squares optimum one linear step away: squares and samples of each window, (w,) for each set
-    of windows, the step and the covariance of the coordinates, (k,) and (k, k), and how far it bends what was known of
-    coordinates and clocks before, in squares."""
+    of windows, the step and the information on the coordinates, clocks not known, (k,) and (k, k), their scale, and how
+    far it bends what was known of coordinates and clocks before, in squares."""
 
     squares: list[np.ndarray]
     samples: list[np.ndarray]
     step: np.ndarray
-    covariance: np.ndarray
+    information: np.ndarray
+    scale: np.ndarray
     bent: float
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the coordinates, (k, k)."""
+        return inverse(self.information, self.scale)
 
     @property
     def total(self) -> float:
@@ -205,10 +211,9 @@ def generalised(fits: Sequence[Fit], shades: Sequence[Colour]) -> Generalised:
             for linear, left, place in zip(linears, lefts, places, strict=True)
         ]
         weights = [1 / np.maximum(own / n, 1.0) for own, n in zip(squares, samples, strict=True)]
-    scaled = hessian * np.outer(scale, scale)
-    inverse = np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale)
+    aside = hessian[:k, k:] @ np.linalg.solve(hessian[k:, k:], hessian[k:, :k])
     bent = (((z + step - np.append(free.mean, 0 * clock)) / prior) ** 2).sum()
-    return Generalised(squares, samples, step[:k], inverse[:k, :k], float(bent))
+    return Generalised(squares, samples, step[:k], hessian[:k, :k] - aside, free.scale, float(bent))
 
 
 def _weighted(projected: np.ndarray, left: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
 from fimpact.effects.sensing import CHANNEL
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
+from fimpact.mismatch.explain import sizes_of
 from fimpact.mismatch.judge import Bench, bench
 from fimpact.mismatch.locate import Location, locate
 from fimpact.mismatch.name import SEEMING, Naming, name
@@ -20,7 +21,7 @@ from fimpact.units import channel_unit
 
 SCHEMA = 2
 Z95 = 1.959964
-BLIND = 1e-12  # width of an interval, in the coefficient's unit, below which it was never moved
+BLIND = 1e3  # times a coefficient's size: width of an interval from which the recordings do not show it
 REFUSED = "The likeliest name does not improve held-out runs"
 SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
 
@@ -98,8 +99,9 @@ def _like(naming: Naming) -> str:
 def in_words(naming: Naming, recording: Recording, placed) -> str:
     """An effect with values, 95 % intervals and units: ``coulomb at joint_2 (friction 0.0020 ± 0.0001 N m)``."""
     rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name]
-    # What no recording shows stays where it began, with no width at all: that is not knowledge.
-    rows = [row for row in rows if row["high"] - row["low"] > BLIND] or rows
+    # What no recording shows stays where it began, which is not knowledge.
+    size = sizes_of(placed)
+    rows = [row for row in rows if row["high"] - row["low"] < BLIND * size[row["name"]]] or rows
     return f"{words(placed.name)} ({', '.join(map(_value, rows))})"
 
 

@@ -15,12 +15,14 @@ from fimpact.recordings import Recording
 
 KNOTS = 8  # per actuator
 ABRUPT = 0.02  # share of the way between two knots in which the quickest commands change
-POOL = 32  # random experiments to start from, half of them calmer than the limits allow
+QUICKEST = 4  # samples: the shortest period of a square wave on top, for what shows at a change of the command only
+POOL = 48  # random experiments to start from, a third of them calmer than the limits allow, a third with square waves
 POPULATION, GENERATIONS = 16, 32  # of the search that follows
 SPREAD = 0.2  # its first steps, of the limits
 NEEDED = 11.0  # non-centrality for 80 % power at 1 %
 ENOUGH, PATIENCE = 2.5 * NEEDED, 6  # separation of all pairs, and generations in a row no better, that end the search
 BETTER = 1.02  # times the worth, of an experiment that keeps it going
+TRIED, VAIN = 8, 0.02  # generations after which a search ends whose best is worth less
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ def repeats(separation: float) -> int:
 @dataclass(frozen=True)
 class Limits:
     """What the recordings used: bounds of a flat design, (d,), and how it becomes an experiment: the height of each
-    knot, how gently commands go from one to the next, and the start."""
+    knot, how gently commands go from one to the next, how much of its range each command takes for a square wave, how
+    quick that is, 0 to 1, and the start."""
 
     low: np.ndarray
     high: np.ndarray
@@ -60,15 +63,22 @@ class Limits:
 
     def unpack(self, design: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """ctrl (T, nu), qpos (nq,), qvel (nv,)."""
-        knots, gentle, start = np.split(design, [KNOTS * self.nu, KNOTS * self.nu + 1])
+        ends = np.cumsum([KNOTS * self.nu, 1, self.nu, 1])
+        knots, gentle, shares, pace, start = np.split(design, ends)
         passed, part = np.divmod(np.linspace(0, KNOTS - 1, self.samples), 1.0)
         place = passed + np.clip((part - 0.5) / gentle[0] + 0.5, 0, 1)
         ctrl = [np.interp(place, np.arange(KNOTS), column) for column in knots.reshape(KNOTS, self.nu).T]
-        return np.array(ctrl).reshape(self.nu, self.samples).T, start[: self.nq], start[self.nq :]
+        low, high = (bound[: self.nu] for bound in (self.low, self.high))
+        cycles = max(self.samples / QUICKEST, 1.0) ** pace[0]
+        wave = np.where(np.arange(self.samples) * cycles / self.samples % 1.0 < 0.5, 0.5, -0.5)
+        waved = np.array(ctrl).reshape(self.nu, self.samples).T + wave[:, None] * shares * (high - low)
+        return np.clip(waved, low, high), start[: self.nq], start[self.nq :]
 
-    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
-        """Random designs, (count, d)."""
-        return rng.uniform(self.low, np.maximum(self.high, self.low + 1e-9), (count, len(self.low)))
+    def draw(self, rng: np.random.Generator, count: int, waves: bool = False) -> np.ndarray:
+        """Random designs, (count, d), without square waves or with them."""
+        out = rng.uniform(self.low, np.maximum(self.high, self.low + 1e-9), (count, len(self.low)))
+        out[:, KNOTS * self.nu + 1 : (KNOTS + 1) * self.nu + 1] *= waves
+        return out
 
     def calmer(self, rng: np.random.Generator, designs: np.ndarray) -> np.ndarray:
         """`designs` with smaller commands, each by a factor of its own."""
@@ -83,8 +93,9 @@ def limits(bench: Bench, recording: Recording) -> Limits:
     ctrl = np.concatenate([run.ctrl for run in recording.training])
     begins = problem.windows.first == 0
     start = np.concatenate([part[begins] for part in problem.starts], 1)
-    low = np.concatenate([np.tile(ctrl.min(0), KNOTS), [ABRUPT], start.min(0)])
-    high = np.concatenate([np.tile(ctrl.max(0), KNOTS), [1.0], start.max(0)])
+    none, all_ = np.zeros(ctrl.shape[1] + 1), np.ones(ctrl.shape[1] + 1)
+    low = np.concatenate([np.tile(ctrl.min(0), KNOTS), [ABRUPT], none, start.min(0)])
+    high = np.concatenate([np.tile(ctrl.max(0), KNOTS), [1.0], all_, start.max(0)])
     samples = max(len(run.measured) for run in recording.training)
     return Limits(low, high, samples, ctrl.shape[1], problem.simulator.base.nq)
 
@@ -96,10 +107,11 @@ def discriminate(bench: Bench, recording: Recording, members: list[Explanation],
     def value(designs: np.ndarray) -> np.ndarray:
         return separations(bench, told, *map(np.array, zip(*map(allowed.unpack, designs), strict=True)))
 
-    drawn = allowed.draw(rng, POOL)
-    pool = np.concatenate([drawn[: POOL // 2], allowed.calmer(rng, drawn[POOL // 2 :])])
+    third = POOL // 3
+    drawn = allowed.draw(rng, 2 * third)
+    pool = np.concatenate([drawn[:third], allowed.calmer(rng, drawn[third:]), allowed.draw(rng, third, waves=True)])
     found = value(pool)
-    random, at = float(np.median(found[: POOL // 2].min(1))), np.argmax(worth(found))
+    random, at = float(np.median(found[:third].min(1))), np.argmax(worth(found))
     best, pairs = _search(value, allowed, pool[at], found[at], seed)
     return Experiment(*allowed.unpack(best), recording.period, pairs, random)
 
@@ -117,7 +129,8 @@ def _search(value, allowed: Limits, best: np.ndarray, pairs: np.ndarray, seed: i
     cma = CMA((best - allowed.low) / span, SPREAD, box, seed=seed, population_size=POPULATION)
     last = 0
     for generation in range(GENERATIONS):
-        if pairs.min() > ENOUGH or generation - last > PATIENCE:
+        vain = generation >= TRIED and most < VAIN
+        if vain or pairs.min() > ENOUGH or generation - last > PATIENCE:
             break
         asked = np.array([cma.ask() for _ in range(POPULATION)])
         found = value(allowed.low + asked * span)

@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.judge import Bench, again, correct, settle
 from fimpact.mismatch.price import price
-from fimpact.mismatch.problem import Linear, Point, coordinates
+from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem, coordinates
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate
 from fimpact.mismatch.simulate import Hypothesis
@@ -23,7 +21,8 @@ SHARPER = 2  # generalised steps from a fit by ordinary least squares
 class Explanation:
     """The effects added, the fit, and the held-out windows under it; deviance: `explain`, or `weigh` where rivals were
     weighed; shaped: what its shapes cost of that; weight: its share of belief among its rivals; dispersion: what their
-    deviances were divided by; exact: whether the time step's error was measured here and not where a rival is."""
+    deviances were divided by; exact: whether the time step's error was measured here and not where a rival is; exposed:
+    `judged` with the sensitivities to the coordinates of `fitted`, where rivals were weighed."""
 
     placed: tuple[Placed, ...]
     fitted: Fit
@@ -33,6 +32,7 @@ class Explanation:
     weight: float = 0.0
     dispersion: float = 1.0
     exact: bool = False
+    exposed: Fit | None = None
 
     @property
     def name(self) -> str:
@@ -63,18 +63,22 @@ def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explana
     free = coordinates(problem.simulator, placed, sizes)
     start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
     new = range(len(current.fitted.coordinates.scale), len(free.scale))
-    base = problem.predict(start.hypothesis, point.qpos, point.qvel)
-    raw = np.concatenate([current.fitted.linear.raw, problem.columns(start, free, new, base)], 2)
-    linear = Linear(current.fitted.linear.basis, current.fitted.linear.triangle, raw, raw)
-    fitted = fit(problem, free, start, 12, replace(linear, projected=linear.off(raw)), far=new)
+    fitted = fit(problem, free, start, 12, beside(problem, current.fitted, start, free), far=new)
     judged = settle(bench.held_out, fitted.point.hypothesis, current.judged.point, current.judged.linear)
     return explain(fitted, judged)
 
 
-def corrected(bench: Bench, rival: Explanation) -> Explanation:
-    """`rival` with numerics of its own, those of the problems left as they are for the others."""
+def beside(problem: Problem, known: Fit, start: Point, free: Coordinates) -> Linear:
+    """Sensitivities at `start`: those to what a `known` fit has as well are taken over from it."""
+    shared, base = known.linear, problem.predict(start.hypothesis, start.qpos, start.qvel)
+    return shared.and_of(problem.columns(start, free, range(shared.raw.shape[2], len(free.scale)), base, shared.off))
+
+
+def corrected(bench: Bench, rivals: Sequence[Explanation]) -> list[Explanation]:
+    """`rivals`, each with numerics of its own, sought from those of the one before it: they are alike. Those of the
+    problems are left as they are for the others."""
     before = bench.offsets
-    found = numerics(bench, rival)
+    found = [numerics(bench, rival) for rival in rivals]
     bench.restore(before)
     return found
 

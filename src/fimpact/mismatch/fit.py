@@ -22,6 +22,7 @@ SHRINK = 5.0  # by which a positive parameter may shrink in one step
 LOST = 10.0  # times the noise: mean square residual from which long steps are tried
 PATIENCE = 2  # steps that one linearisation is kept for
 WORTH = 0.99  # of the cost: what a long step must reach for a fit to go on from there
+OPEN = 1e-14  # of the largest information on a direction of scaled coordinates: rounding
 FULL = 1e-3  # damping up to which a step is as long as it wants to be
 
 
@@ -40,12 +41,8 @@ class Fit:
 
     @property
     def covariance(self) -> np.ndarray:
-        """Of the coordinates, (k, k); a direction that the data leave open has a huge variance, not an error."""
-        scale = self.scale
-        scaled = self.precision * np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(scaled)
-        inverse = (vectors / np.maximum(values, values.max(initial=0.0) * 1e-14)) @ vectors.T
-        return inverse * np.outer(scale, scale)
+        """Of the coordinates, (k, k)."""
+        return inverse(self.precision, self.scale)
 
 
 def fit(
@@ -113,6 +110,14 @@ def _descended(problem, coordinates, start, iterations, linear, refresh) -> Fit:
     if age > 0 and refresh:
         linear = problem.linearise(point, coordinates)
     return _made(point, linear, coordinates, converged)
+
+
+def inverse(precision: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Covariance, (k, k), of coordinates of such a `scale`, (k,): a direction that the data leave open has a huge
+    variance, not none."""
+    values, vectors = np.linalg.eigh(precision * np.outer(scale, scale))
+    floored = (vectors / np.maximum(values, values.max(initial=0.0) * OPEN)) @ vectors.T
+    return floored * np.outer(scale, scale)
 
 
 def lost(point: Point) -> bool:

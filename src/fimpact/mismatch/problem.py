@@ -13,14 +13,16 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Placed
-from fimpact.mismatch.simulate import DIVERGED, Hypothesis, Simulator
+from fimpact.mismatch.simulate import DIVERGED, Hypothesis, Simulator, can_touch
+from fimpact.mismatch.steady import Projection, steadied
 from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS
 
 if TYPE_CHECKING:
     from fimpact.mismatch.colour import Colour
 
-SECANT = 1e-3  # of a coordinate's scale; far above the contact solver's noise, far below what is nonlinear
+SECANT = 1e-5  # of a coordinate's scale: a thousandth of a thousandth of what it does, as little as may be concealed
+FRAME = 1e-5  # m, rad: well above the 1e-6 up to which MuJoCo takes a frame for that of its body
 NUDGE = 1e-5  # m, rad and their rates: the same for an initial state
 WEAK = 1e-6  # prior weight of an initial state that nobody knows; only there to keep R invertible
 
@@ -29,7 +31,8 @@ WEAK = 1e-6  # prior weight of an initial state that nobody knows; only there to
 class Coordinates:
     """The numbers that are fitted: the recording's unknowns, then the named values of each placed effect.
 
-    low, high, scale, mean, sd: (k,) each; mean and sd are those of the prior, sd = inf where there is none.
+    low, high, scale, mean, sd, step: (k,) each; mean and sd are those of the prior, sd = inf where there is none; step:
+    length of a secant.
     """
 
     unknowns: int
@@ -39,6 +42,7 @@ class Coordinates:
     scale: np.ndarray
     mean: np.ndarray
     sd: np.ndarray
+    step: np.ndarray
 
     def read(self, hypothesis: Hypothesis) -> np.ndarray:
         """The coordinates of `hypothesis`, (k,)."""
@@ -57,7 +61,7 @@ class Coordinates:
         """These coordinates less the values `held`, each (index of the placed effect, name)."""
         kept = np.array([True] * self.unknowns + [value not in held for value in self.values], bool)
         values = tuple(value for value in self.values if value not in held)
-        rest = (getattr(self, name)[kept] for name in ("low", "high", "scale", "mean", "sd"))
+        rest = (getattr(self, name)[kept] for name in ("low", "high", "scale", "mean", "sd", "step"))
         return Coordinates(self.unknowns, values, *rest)
 
 
@@ -102,6 +106,11 @@ class Linear:
         flat = self.colour.white(flat) if self.colour else flat
         left = flat - self.basis @ (self.basis.transpose(0, 2, 1) @ flat)
         return left if columns.ndim == 3 else left[..., 0]
+
+    def and_of(self, columns: np.ndarray) -> "Linear":
+        """With further coordinates, whose sensitivities are `columns`, (w, m, c)."""
+        raw = np.concatenate([self.raw, columns], 2)
+        return replace(self, raw=raw, projected=self.off(raw))
 
     def alone(self) -> "Linear":
         """Without coordinates: the initial states only."""
@@ -156,19 +165,28 @@ class Problem:
         """Secants around `point` in initial states and coordinates."""
         base = self.predict(point.hypothesis, point.qpos, point.qvel)
         basis, triangle = self.starts_at(point, base)
-        raw = self.columns(point, coordinates, range(len(coordinates.scale)), base)
-        linear = Linear(basis, triangle, raw, raw)
-        return replace(linear, projected=linear.off(raw))
+        nothing = self.extend(np.zeros((*base.shape, 0)))
+        linear = Linear(basis, triangle, nothing, nothing)
+        return linear.and_of(self.columns(point, coordinates, range(len(coordinates.scale)), base, linear.off))
 
-    def columns(self, point: Point, coordinates: Coordinates, which, base: np.ndarray) -> np.ndarray:
-        """Secant sensitivity of the prediction to the coordinates `which`, (w, m, c)."""
-        z, found = coordinates.read(point.hypothesis), []
-        for i in which:
-            step = SECANT * coordinates.scale[i]
-            step = -step if z[i] + step > coordinates.high[i] else step
-            moved = coordinates.write(point.hypothesis, z + step * (np.arange(len(z)) == i))
-            found.append((self.predict(moved, point.qpos, point.qvel) - base) / step)
-        return self.extend(np.stack(found, 2) if found else np.zeros((*base.shape, 0)))
+    def columns(self, point: Point, coordinates: Coordinates, which, base: np.ndarray, off: Projection) -> np.ndarray:
+        """Secant sensitivity of the prediction, `base` at `point`, to the coordinates `which`, (w, m, c); `off`: see
+        `steadied`."""
+        found = [self._column(point, coordinates, i, base, off) for i in which]
+        return np.stack(found, 2) if found else self.extend(np.zeros((*base.shape, 0)))
+
+    def _column(self, point: Point, coordinates: Coordinates, i: int, base: np.ndarray, off: Projection) -> np.ndarray:
+        z, step = coordinates.read(point.hypothesis), coordinates.step[i]
+        step = -step if z[i] + step > coordinates.high[i] else step
+
+        def slope(share: float, rows: np.ndarray) -> np.ndarray:
+            moved = coordinates.write(point.hypothesis, z + share * step * (np.arange(len(z)) == i))
+            part = self.part(rows)
+            change = (part.predict(moved, point.qpos[rows], point.qvel[rows]) - base[rows]) / (share * step)
+            return part.extend(change[..., None])[..., 0]
+
+        change = slope(1.0, np.arange(len(base)))
+        return steadied(off, change, slope) if can_touch(self.simulator.base) else change
 
     def extend(self, columns: np.ndarray) -> np.ndarray:
         """`columns`, (w, T * ny, c), with the zero rows of the initial states' prior added: (w, m, c)."""
@@ -203,7 +221,7 @@ def _difference(model: mujoco.MjModel, qpos0, qvel0, qpos, qvel) -> np.ndarray:
     return np.concatenate([out, qvel - qvel0], 1)
 
 
-NOTHING = Coordinates(0, (), *(np.zeros(0),) * 5)
+NOTHING = Coordinates(0, (), *(np.zeros(0),) * 6)
 """No coordinates at all: only initial states are fitted."""
 
 
@@ -215,20 +233,23 @@ def coordinates(simulator: Simulator, placed: tuple[Placed, ...] = (), scales: t
     sd = np.array([u.sd for u in unknowns]) * unit
     positive = np.array([FIELDS[u.field][1] for u in unknowns], bool)
     low = np.where(positive, 1e-3 * unit * (nominal != 0), -np.inf)
-    names, lows, highs, sizes = [], [], [], []
+    names, lows, highs, sizes, units = [], [], [], [], [FIELDS[u.field][0] for u in unknowns]
     for i, (hypothesis, scale) in enumerate(zip(placed, scales, strict=True)):
         for coefficient in (c for c in hypothesis.effect.coefficients if c.name not in hypothesis.held):
             names.append((i, coefficient.name))
             lows.append(coefficient.low)
             highs.append(coefficient.high)
+            units.append(coefficient.unit)
             sizes.append(max(abs(scale[coefficient.name]), 1e-9))
-    count = len(names)
+    count, finite = len(names), np.where(np.isfinite(sd), np.minimum(sd, unit), unit)
+    scale = np.append(finite, sizes)
     return Coordinates(
         len(nominal),
         tuple(names),
         np.append(low, lows),
         np.append(np.full(len(nominal), np.inf), highs),
-        np.append(np.where(np.isfinite(sd), np.minimum(sd, unit), unit), sizes),
+        scale,
         np.append(nominal, np.zeros(count)),
         np.append(np.where(sd > 0, sd, np.inf), np.full(count, np.inf)),
+        np.maximum(SECANT * scale, FRAME * np.isin(units, ("m", "rad"))),
     )

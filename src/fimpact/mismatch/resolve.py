@@ -7,7 +7,7 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
-from fimpact.mismatch.explain import Explanation, corrected, explain, shapes_of, sizes_of
+from fimpact.mismatch.explain import Explanation, beside, corrected, explain, shapes_of, sizes_of
 from fimpact.mismatch.fit import Fit, fit, lost
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.price import schwarz
@@ -15,6 +15,7 @@ from fimpact.mismatch.problem import Point, Problem, coordinates
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals
+from fimpact.mismatch.settle import settled
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import members as untold
 from fimpact.mismatch.weigh import weigh
@@ -22,10 +23,23 @@ from fimpact.recordings import Recording, Run
 
 PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
 CLOSE = 1e-4  # weight, relative to the likeliest, that is worth numerics of its own, where several names have it
-REMAINING = 1 / 20  # weight, relative to the likeliest, of a name that remains: an experiment asks which, not whether
+# Weight, relative to the likeliest, of a name that remains, and of one that says the same with more coefficients: an
+# experiment asks which, not whether.
+REMAINING, MORE = 1 / 20, 1 / 10
 
 
-def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]]) -> list[Explanation]:
+Begin = tuple[np.ndarray, np.ndarray]  # unknowns, (p,): of the naive fit, and of the members
+
+
+def stated(recording: Recording, diagnosis: dict) -> Begin:
+    """Where a `diagnosis` in plain types says that the unknowns are, naively and beside its best name."""
+    rows = diagnosis["parameters"][: len(recording.unknowns)]
+    return np.array([row["naive"] for row in rows]), np.array([row["after"] for row in rows])
+
+
+def resolve(
+    recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]], begin: Begin | None = None
+) -> list[Explanation]:
     """Members refitted to the recording with the runs `added` to its training runs, in falling order of weight.
 
     Windows of the added runs that no member follows are left out: where a motion amplifies whatever is not known, it
@@ -33,27 +47,28 @@ def resolve(recording: Recording, added: Sequence[Run], members: Sequence[dict[s
 
     Args:
         members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them.
+        begin: where fits begin (`stated`); None: as the model has it.
     """
     added = [replace(run, held_out=False) for run in added]
-    made, naive, rivals, begun = _followed(recording, added, members)
+    made, naive, rivals, begun = _followed(recording, added, members, begin)
     far: Collection[int] | None = ()  # that an experiment's windows stray is no reason for long steps
     if all(lost(rival.fitted.point) for rival in rivals):
         far = None
-        naive, rivals = _fitted(made, naive[0].point.hypothesis, begun, far)
+        naive, rivals = _fitted(made, [e.point.hypothesis.theta for e in (naive[0], rivals[0].fitted)], begun, far)
     shaped = [member for member, rival in zip(members, rivals, strict=True) if shapes_of(rival.placed)]
     stated = [_refitted(made, naive, member, far, held=True) for member in shaped]
     return _priced(_compared(made, naive, rivals + stated))
 
 
-def _followed(recording: Recording, added: list[Run], members: Sequence[dict[str, dict]]) -> tuple:
+def _followed(recording: Recording, added: list[Run], members: Sequence[dict], begin: Begin | None) -> tuple:
     """The bench without the windows of the `added` runs that no member follows, the naive model's fits and the members'
     on it, and the values from which those began."""
-    begin, begun = None, members
+    begun = members
     for attempt in range(PASSES + 1):
         made = bench(replace(recording, runs=(*recording.training, *added, *recording.held_out)))
         new = made.training.windows.runs >= len(recording.training)
-        naive, rivals = _fitted(made, begin or Hypothesis(made.training.simulator.theta), begun, ())
-        begin = naive[0].point.hypothesis
+        naive, rivals = _fitted(made, begin or (made.training.simulator.theta,) * 2, begun, ())
+        begin = naive[0].point.hypothesis.theta, rivals[0].fitted.point.hypothesis.theta
         if not attempt and _stray(made, rivals, new).any():
             rivals = [_anew(made, naive, rival) for rival in rivals]
             begun = [{p.name: p.values for p in rival.placed} for rival in rivals]
@@ -68,21 +83,21 @@ def _compared(made: Bench, naive: tuple[Fit, Fit], rivals: list[Explanation]) ->
     """`rivals` by weight, those of several names that come near the likeliest with numerics of their own."""
     found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
     ranked = weigh(made, *found, rivals)
-    near = [r.weight >= CLOSE * ranked[0].weight for r in ranked]
-    if len({r.name for r, own in zip(ranked, near, strict=True) if own}) == 1:
+    near = [r for r in ranked if r.weight >= CLOSE * ranked[0].weight]
+    if len({r.name for r in near}) == 1:
         return ranked
-    return weigh(made, *found, [corrected(made, r) if n else r for r, n in zip(ranked, near, strict=True)])
+    return weigh(made, *found, [*corrected(made, near), *ranked[len(near) :]])
 
 
 def remaining(ranked: list[Explanation]) -> list[str]:
     """Names that remain of what `resolve` returns."""
-    return [member.name for member in untold(ranked[0], ranked[1:], REMAINING)]
+    return [member.name for member in untold(ranked[0], ranked[1:], REMAINING, MORE)]
 
 
-def _fitted(made: Bench, begin: Hypothesis, members: Sequence[dict[str, dict]], far: Collection[int] | None) -> tuple:
+def _fitted(made: Bench, begin: Begin, members: Sequence[dict[str, dict]], far: Collection[int] | None) -> tuple:
     """The naive model's fits, in training and held-out windows, and the members'."""
-    naive = base_fit(made, coordinates(made.training.simulator), begin, far)
-    return naive, [_refitted(made, naive, member, far) for member in members]
+    naive = base_fit(made, coordinates(made.training.simulator), Hypothesis(begin[0]), far)
+    return naive, [_refitted(made, naive, member, far, theta=begin[1]) for member in members]
 
 
 def _anew(made: Bench, naive, rival: Explanation) -> Explanation:
@@ -141,17 +156,24 @@ def _left_out(made: Bench, added: list[Run], strays: np.ndarray) -> list[Run]:
 
 
 def _refitted(
-    made: Bench, naive, member: dict[str, dict], far: Collection[int] | None = (), held: bool = False
+    made: Bench,
+    naive,
+    member: dict[str, dict],
+    far: Collection[int] | None = (),
+    held: bool = False,
+    theta: np.ndarray | None = None,
 ) -> Explanation:
-    """`member` fitted; held: its shapes stay as they are stated."""
+    """`member` fitted, from the unknowns `theta` or those of the naive fit; held: its shapes stay as stated."""
     problem, point = made.training, naive[0].point
     placed = _placed(member, problem, scales(problem, point))
     free = coordinates(problem.simulator, placed, tuple(map(sizes_of, placed)))
     free = free.without(shapes_of(placed)) if held else free
-    start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
+    theta = point.hypothesis.theta if theta is None else theta
+    start = problem.evaluate(Hypothesis(theta, placed), point.qpos, point.qvel, free)
     if not np.isfinite(start.cost):
         raise ValueError(f"{'+'.join(member)} at {member} cannot be simulated on the added runs")
-    fitted = fit(problem, free, start, far=far)
+    start = settled(problem, free, start)
+    fitted = fit(problem, free, start, 12, beside(problem, naive[0], start, free), far=far)
     return explain(fitted, settle(made.held_out, fitted.point.hypothesis, naive[1].point))
 
 

@@ -16,10 +16,10 @@ from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis, can_touch
+from fimpact.mismatch.steady import steadied
 from fimpact.mismatch.tangent import Tangent, has_tangent, tangent
 
 SMALL = 1e-2  # share of its probe at which a linear effect is tried: in contact no tangent holds for all of it
-OUTWEIGHS, OTHERS, JUMPS = 0.2, (0.2, 5.0), 0.5  # share of the information from which a window is tried at other shares
 INVISIBLE = 1e-3  # standard deviations: a probe that shows less, all samples together, is not a candidate
 
 
@@ -110,7 +110,9 @@ class _Secant:
         if placed.effect.enters == "force" and self.bare:
             return self._along(placed)
         change = self._at(placed, SMALL, everywhere)
-        return self._steady(placed, change) if self.touching and np.isfinite(change).all() else change
+        if not (self.touching and np.isfinite(change).all()):
+            return change
+        return steadied(self.off, change, lambda share, rows: self._at(placed, share * SMALL, rows))
 
     def _at(self, placed: Placed, share: float, rows: np.ndarray) -> np.ndarray:
         problem, point = self.problem.part(rows), self.point
@@ -130,18 +132,6 @@ class _Secant:
     @cached_property
     def _tangent(self) -> Tangent:
         return tangent(self.problem, self.point)
-
-    def _steady(self, placed: Placed, change: np.ndarray) -> np.ndarray:
-        """`change` less the jumps: a window in which an impact comes a time step earlier may outweigh all others, and
-        says nothing. It shows at one share of the probe and hardly at others."""
-        size = (self.off(change) ** 2).sum(1)
-        rows = np.flatnonzero(size > OUTWEIGHS * size.sum())
-        for share in OTHERS if len(rows) else ():
-            other = change.copy()
-            other[rows] = self._at(placed, share * SMALL, rows)
-            calm = np.nan_to_num((self.off(other) ** 2).sum(1), nan=np.inf) < JUMPS * (self.off(change) ** 2).sum(1)
-            change = np.where(calm[:, None], other, change)
-        return change
 
 
 def _times(placed: Placed, share: float) -> Placed:

@@ -23,6 +23,7 @@ from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.windows import Windows
 
+OPEN = 1e-13  # added to scaled information, so that a direction without any can be solved for
 MOST = 9.0  # non-centrality that one window may be counted for
 
 
@@ -45,8 +46,7 @@ def known(bench: Bench, members: list[Explanation]) -> Known:
 
 
 def _information(fitted: Fit, shade: Colour) -> np.ndarray:
-    scale = np.outer(fitted.scale, fitted.scale)
-    own = np.linalg.pinv(generalised([fitted], [shade]).covariance / scale, rcond=1e-12, hermitian=True) / scale
+    own = generalised([fitted], [shade]).information
     return own[np.ix_(_sizes(fitted), _sizes(fitted))]
 
 
@@ -125,8 +125,9 @@ def _shared(problem: Problem, point: Point, member: Fit) -> Linear:
     """Sensitivities to initial states and unknowns, which effects that hide so well hardly change."""
     base, free = problem.predict(point.hypothesis, point.qpos, point.qvel), member.coordinates
     own = free.without(free.values)
-    raw = problem.columns(point, own, range(own.unknowns), base)
-    return Linear(*problem.starts_at(point, base), raw, raw)
+    nothing = problem.extend(np.zeros((*base.shape, 0)))
+    linear = Linear(*problem.starts_at(point, base), nothing, nothing)
+    return linear.and_of(problem.columns(point, own, range(own.unknowns), base, linear.off))
 
 
 def _member(problem: Problem, fitted: Fit, shared: Linear) -> tuple[np.ndarray, Linear]:
@@ -134,9 +135,8 @@ def _member(problem: Problem, fitted: Fit, shared: Linear) -> tuple[np.ndarray, 
     hypothesis, free = fitted.point.hypothesis, fitted.coordinates
     base = problem.predict(hypothesis, *problem.starts)
     point = replace(fitted.point, qpos=problem.starts[0], qvel=problem.starts[1])
-    own = problem.columns(point, free, _sizes(fitted)[free.unknowns :], base)
-    raw = np.concatenate([shared.raw, own], 2)
-    return problem.extend(base[..., None])[..., 0], replace(shared, raw=raw, projected=raw)
+    own = problem.columns(point, free, _sizes(fitted)[free.unknowns :], base, shared.off)
+    return problem.extend(base[..., None])[..., 0], shared.and_of(own)
 
 
 def _left(difference: np.ndarray, linear: Linear, information: np.ndarray, count: int) -> np.ndarray:
@@ -148,7 +148,15 @@ def _left(difference: np.ndarray, linear: Linear, information: np.ndarray, count
     for _ in range(REWEIGHTED):
         along = np.einsum("nwma,nwm,nw->na", slopes, free, weight)
         gram = np.einsum("nwma,nwmb,nw->nab", slopes, slopes, weight, optimize=True)
-        step = np.linalg.solve(information + gram, along[..., None])[..., 0]
+        step = _solved(information + gram, along)
         squares = ((free - np.einsum("nwma,na->nwm", slopes, step)) ** 2).sum(2)
         weight = 1 / np.maximum(squares / MOST, 1.0)
     return np.minimum(squares, MOST).sum(1) + np.einsum("na,ab,nb->n", step, information, step)
+
+
+def _solved(information: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Newton steps, (n, k); what neither the recordings nor an experiment show stays where it is."""
+    size = np.sqrt(np.einsum("naa->na", information))
+    size = np.where(size > 0, size, 1.0)
+    scaled = information / (size[:, :, None] * size[:, None, :]) + OPEN * np.eye(size.shape[1])
+    return np.linalg.solve(scaled, (along / size)[..., None])[..., 0] / size

@@ -71,7 +71,7 @@ class Search:
         """`rivals` that could be simulated, ranked, each that comes near the likeliest with numerics of its own."""
         found = self.ranked([r for r in rivals if np.isfinite(r.deviance)])
         while rough := [r for r in found if not r.exact and r.weight >= CLOSE * max(f.weight for f in found)]:
-            own = {r.name: corrected(self.bench, r) for r in rough}
+            own = {r.name: r for r in corrected(self.bench, rough)}
             found = self.ranked([own.get(r.name, r) for r in found])
         return found
 

@@ -13,7 +13,8 @@ from fimpact.mismatch.price import price
 from fimpact.mismatch.pulses import Pulses
 
 STRAY = 9.0  # squares of a window by which another rival's sensitivities must do better to be taken
-MEMBERS, WORDY = 1 / 100, 1 / 10  # weight, relative to the best, above which an explanation cannot be told from it
+# Weight, relative to the best, above which an explanation cannot be told from it; and one that says the same with more.
+MEMBERS, WORDY = 1 / 200, 1 / 40
 
 
 def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
@@ -23,6 +24,7 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     both sets together."""
     if not rivals:
         return []
+    rivals = [replace(rival, exposed=both(bench, rival)[1]) for rival in rivals]
     pushing = disturbance(min(rivals, key=lambda r: explain(*r.parts).deviance).fitted, found)
     shades = colour(found, pushing), colour(held_out, pushing)
     optima = [generalised(parts, shades) for parts in steadied([both(bench, r) for r in rivals], shades)]
@@ -73,7 +75,8 @@ def _steadied(fits: Sequence[Fit], shade: Colour) -> list[Fit]:
 
 def both(bench: Bench, explanation: Explanation) -> tuple[Fit, Fit]:
     """Training and held-out windows under `explanation`, ready to be fitted together."""
-    return explanation.fitted, exposed(bench.held_out, explanation.judged, explanation.fitted)
+    shown = explanation.exposed or exposed(bench.held_out, explanation.judged, explanation.fitted)
+    return explanation.fitted, shown
 
 
 def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
@@ -107,9 +110,12 @@ def predicted(bench: Bench, explanations: Sequence[Explanation], shades: tuple[C
     return np.array([(all_.total - alone.total, all_.bent) for all_, alone in optima]).T
 
 
-def members(best: Explanation, others: list[Explanation], least: float = MEMBERS) -> list[Explanation]:
-    """`best` and those of the `others` that the recordings cannot tell from it, of at least `least` of its weight."""
-    needed = {False: least, True: WORDY}
+def members(
+    best: Explanation, others: list[Explanation], least: float = MEMBERS, wordy: float = WORDY
+) -> list[Explanation]:
+    """`best` and those of the `others` that the recordings cannot tell from it, of at least `least` of its weight, or
+    `wordy` where they say the same with more coefficients."""
+    needed = {False: least, True: wordy}
     return [best, *(r for r in others if r.weight >= needed[generalises(r, best)] * best.weight)] if best.placed else []
 
 
