@@ -95,7 +95,11 @@ def test_disturbances_that_are_what_they_are_taken_for_decide(monkeypatch, among
         (1, 20.0, -15.0, 0.01, False),
         (0, 1.0, 0.0, 1.0, True),
         (0, -3.0, 0.0, 1.0, False),
-        (0, -3.0, 0.0, 0.0002, True),
+        (0, -0.5, 0.0, 0.01, False),
+        (0, -0.5, 0.0, 0.004, True),
+        (0, -8.0, 0.0, 0.004, False),
+        (0, -8.0, 0.0, 0.0002, True),
+        (0, -10.0, 0.0, 0.0002, False),
     ],
 )
 def test_a_further_effect_explains_more_than_a_trace_or_is_beyond_doubt_or_relieves_what_was_known(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fimpact.mismatch.steady import steadied
+from fimpact.mismatch.steady import steadied, together
 
 
 def asked(change, others):
@@ -34,3 +34,16 @@ def test_what_shows_at_every_length_is_kept():
 def test_windows_that_count_alike_are_not_tried_again():
     found, shares = asked(np.ones((6, 3)), {})
     assert found == pytest.approx(np.ones((6, 3))) and not shares
+
+
+def test_beside_what_imitates_it_a_smaller_jump_shows():
+    """Of the change itself it is a fiftieth, but most of what no other column gives."""
+    rng = np.random.default_rng(0)
+    known, own = rng.standard_normal((30, 4, 1)), 0.02 * rng.standard_normal((30, 4))
+    calm = known[:, :, 0] + own
+    jump = calm.copy()
+    jump[3] += 1.0
+    slopes = [lambda share, rows: calm[rows]]
+    assert asked(jump, {})[1] == []
+    assert together(lambda columns: columns, known, [jump], slopes)[0] == pytest.approx(calm)
+    assert together(lambda columns: columns, known[:, :, :0], [jump], slopes)[0] == pytest.approx(jump)

@@ -1,5 +1,5 @@
 # The blind benchmark: plant and seal, diagnose from recordings alone, play what was asked for, open the seals, score.
-# Only `conceal`, `reveal` and `score` touch sealed/.
+# Only `conceal`, `reveal` and `score` touch sealed/. A part is finished before another is begun (`priority`).
 
 PICTURES = ["confusion", "held-out", "calibration", "detection"]
 
@@ -39,6 +39,7 @@ rule diagnose_concealed:
     log:
         "<concealed>/logs/diagnose/{scatteritem}.log",
     threads: 1
+    priority: 1
     message:
         "diagnose part {wildcards.scatteritem}"
     script:
@@ -55,6 +56,7 @@ rule reveal:
     log:
         "<concealed>/logs/reveal/{scatteritem}.log",
     threads: 1
+    priority: 2
     message:
         "play the experiments of part {wildcards.scatteritem}"
     script:
@@ -73,6 +75,7 @@ rule resolve:
     log:
         "<concealed>/logs/resolve/{scatteritem}.log",
     threads: 1
+    priority: 3
     message:
         "resolve the sets of part {wildcards.scatteritem}"
     script:
@@ -88,6 +91,7 @@ rule peers:
     log:
         "<concealed>/logs/peers/{scatteritem}.log",
     threads: 1
+    priority: 4
     params:
         compared=compared_cases(),
         refitted=compared_cases("refitted"),
@@ -111,6 +115,7 @@ rule score:
     log:
         "<concealed>/logs/score/{scatteritem}.log",
     threads: 1
+    priority: 5
     params:
         compared=compared_cases(),
     message:

@@ -13,7 +13,8 @@ from fimpact.mismatch.tame import tamed
 from fimpact.mismatch.weigh import predicted, weigh
 
 TRACE = 0.03  # share of what there was to explain that is not worth a further effect
-SURE, CHANCE = 5e-4, 4.0  # family-wise p that held-out runs need not confirm, if they lose no more than two deviations
+SURE, CHANCE = 5e-4, 4.0  # family-wise p that held-out runs need not confirm; squares that are chance, two deviations
+LOSSES = ((SURE, 9.0), (5e-3, 1.0))  # up to which p a first effect may lose how many squares of held-out runs
 TRIES, SLACK = 3, 0.01  # rivals that are sharpened in a round; share of the held-out squares that is chance
 CALM = 1.1  # dispersion up to which disturbances are what they are taken for, and squares in their colour decide
 
@@ -31,10 +32,10 @@ def worthwhile(search: Search, naive: Explanation, current: Explanation, last: S
     pushing = disturbance(last.rivals[0].fitted, search.pulses)
     shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
     (before, now, then), (_, bent, straight) = predicted(search.bench, (naive, current, last.rivals[0]), shades)
-    sure = last.least <= SURE
     if current.placed:
-        return bool(now - then + bent - straight > (0.0 if sure else max(TRACE * (before - now), 0.0)))
-    return bool(now - then > (-CHANCE if sure else 0.0))
+        trace = 0.0 if last.least <= SURE else max(TRACE * (before - now), 0.0)
+        return bool(now - then + bent - straight > trace)
+    return bool(then - now < next((loss for p, loss in LOSSES if last.least <= p), 0.0))
 
 
 def beats(search: Search, found: Explanation, best: Explanation) -> bool:

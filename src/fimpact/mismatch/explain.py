@@ -71,7 +71,7 @@ def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explana
 def beside(problem: Problem, known: Fit, start: Point, free: Coordinates) -> Linear:
     """Sensitivities at `start`: those to what a `known` fit has as well are taken over from it."""
     shared, base = known.linear, problem.predict(start.hypothesis, start.qpos, start.qvel)
-    return shared.and_of(problem.columns(start, free, range(shared.raw.shape[2], len(free.scale)), base, shared.off))
+    return shared.and_of(problem.columns(start, free, range(shared.raw.shape[2], len(free.scale)), base, shared))
 
 
 def corrected(bench: Bench, rivals: Sequence[Explanation]) -> list[Explanation]:

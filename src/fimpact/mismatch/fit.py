@@ -12,7 +12,7 @@ import numpy as np
 from fimpact.mismatch.bounded import bounded
 from fimpact.mismatch.leap import leaped
 from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem
-from fimpact.mismatch.settle import DAMPING, FAILED, FIRST, better, moved, settled
+from fimpact.mismatch.settle import DAMPING, FAILED, FIRST, better, moved, restarted, settled
 from fimpact.mismatch.simulate import can_touch
 
 SETTLED, RELATIVE = 0.05, 2e-6  # log-likelihood, or share of the cost: less predicted gain changes no conclusion
@@ -55,7 +55,7 @@ def fit(
     far: Collection[int] | None = None,
 ) -> Fit:
     """Minimise from `start`; where things touch and that ends far from the noise, in an optimum of its own or not,
-    once more from where long steps lead.
+    once more from where windows that are stuck begin anew, and from where long steps lead.
 
     Args:
         linear: sensitivities to begin with; they are kept for `PATIENCE` iterations and refreshed after.
@@ -64,6 +64,11 @@ def fit(
     """
     found = _descended(problem, coordinates, start, iterations, linear, refresh)
     if not (refresh and lost(found.point) and can_touch(problem.simulator.base)):
+        return found
+    begun = restarted(problem, coordinates, found.point)
+    if begun.cost < WORTH * found.point.cost:
+        found = _descended(problem, coordinates, begun, iterations, None, refresh)
+    if not lost(found.point):
         return found
     there = leaped(problem, coordinates, found.point, far)
     if there.cost > WORTH * found.point.cost:

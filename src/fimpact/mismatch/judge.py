@@ -119,7 +119,7 @@ def exposed(problem: Problem, judged: Fit, fitted: Fit) -> Fit:
     """`judged`, settled under the hypothesis of `fitted`, with its sensitivities to the coordinates of that fit."""
     free, linear = fitted.coordinates, judged.linear.alone()
     base = problem.predict(judged.point.hypothesis, judged.point.qpos, judged.point.qvel)
-    linear = linear.and_of(problem.columns(judged.point, free, range(len(free.scale)), base, linear.off))
+    linear = linear.and_of(problem.columns(judged.point, free, range(len(free.scale)), base, linear))
     return replace(judged, linear=linear, coordinates=free, scale=fitted.scale, pull=fitted.pull)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from fimpact.effects.base import Placed
 from fimpact.mismatch.simulate import DIVERGED, Hypothesis, Simulator, can_touch
-from fimpact.mismatch.steady import Projection, steadied
+from fimpact.mismatch.steady import Slope, together
 from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS
 
@@ -155,7 +155,7 @@ class Problem:
     def evaluate(self, hypothesis: Hypothesis, qpos, qvel, coordinates: Coordinates) -> Point:
         """Residual and cost of a hypothesis with initial states; infinite cost where the simulation diverges."""
         error = self.whiten(self.windows.measured) - self.predict(hypothesis, qpos, qvel)
-        moved = _difference(self.simulator.base, *self.starts, qpos, qvel)
+        moved = difference(self.simulator.base, *self.starts, qpos, qvel)
         residual = np.concatenate([error, -moved * self.start_weight], 1)
         pull = (coordinates.read(hypothesis) - coordinates.mean) / coordinates.sd
         cost = ((residual**2).sum() + (pull**2).sum()) / 2
@@ -167,15 +167,19 @@ class Problem:
         basis, triangle = self.starts_at(point, base)
         nothing = self.extend(np.zeros((*base.shape, 0)))
         linear = Linear(basis, triangle, nothing, nothing)
-        return linear.and_of(self.columns(point, coordinates, range(len(coordinates.scale)), base, linear.off))
+        return linear.and_of(self.columns(point, coordinates, range(len(coordinates.scale)), base, linear))
 
-    def columns(self, point: Point, coordinates: Coordinates, which, base: np.ndarray, off: Projection) -> np.ndarray:
-        """Secant sensitivity of the prediction, `base` at `point`, to the coordinates `which`, (w, m, c); `off`: see
-        `steadied`."""
-        found = [self._column(point, coordinates, i, base, off) for i in which]
+    def columns(self, point: Point, coordinates: Coordinates, which, base: np.ndarray, known: Linear) -> np.ndarray:
+        """Secant sensitivity of the prediction, `base` at `point`, to the coordinates `which`, (w, m, c), beside those
+        that are `known`."""
+        slopes = [self._slope(point, coordinates, i, base) for i in which]
+        found = [slope(1.0, np.arange(len(base))) for slope in slopes]
+        if found and can_touch(self.simulator.base):
+            found = together(known.off, known.projected, found, slopes)
         return np.stack(found, 2) if found else self.extend(np.zeros((*base.shape, 0)))
 
-    def _column(self, point: Point, coordinates: Coordinates, i: int, base: np.ndarray, off: Projection) -> np.ndarray:
+    def _slope(self, point: Point, coordinates: Coordinates, i: int, base: np.ndarray) -> Slope:
+        """A secant in coordinate `i`, so many times its step long, in some windows."""
         z, step = coordinates.read(point.hypothesis), coordinates.step[i]
         step = -step if z[i] + step > coordinates.high[i] else step
 
@@ -185,8 +189,7 @@ class Problem:
             change = (part.predict(moved, point.qpos[rows], point.qvel[rows]) - base[rows]) / (share * step)
             return part.extend(change[..., None])[..., 0]
 
-        change = slope(1.0, np.arange(len(base)))
-        return steadied(off, change, slope) if can_touch(self.simulator.base) else change
+        return slope
 
     def extend(self, columns: np.ndarray) -> np.ndarray:
         """`columns`, (w, T * ny, c), with the zero rows of the initial states' prior added: (w, m, c)."""
@@ -214,7 +217,8 @@ def shift(model: mujoco.MjModel, qpos, qvel, delta) -> tuple[np.ndarray, np.ndar
     return moved, qvel + delta[:, model.nv :]
 
 
-def _difference(model: mujoco.MjModel, qpos0, qvel0, qpos, qvel) -> np.ndarray:
+def difference(model: mujoco.MjModel, qpos0, qvel0, qpos, qvel) -> np.ndarray:
+    """From one state to another, (w, 2 nv), in the tangent space of the configuration."""
     out = np.empty((len(qpos), model.nv))
     for row, before, after in zip(out, qpos0, qpos, strict=True):
         mujoco.mj_differentiatePos(model, row, 1.0, before, after)

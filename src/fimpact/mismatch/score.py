@@ -98,7 +98,7 @@ class _Secant:
     """What a probe changes in the whitened prediction, (w, m): a linear effect's from a small share of it."""
 
     def __init__(self, problem: Problem, fitted: Fit):
-        self.problem, self.point, self.off = problem, fitted.point, fitted.linear.off
+        self.problem, self.point, self.fitted = problem, fitted.point, fitted
         self.base = problem.predict(self.point.hypothesis, self.point.qpos, self.point.qvel)
         self.touching = can_touch(problem.simulator.base)
         self.bare = has_tangent(problem.simulator, self.point)
@@ -112,7 +112,12 @@ class _Secant:
         change = self._at(placed, SMALL, everywhere)
         if not (self.touching and np.isfinite(change).all()):
             return change
-        return steadied(self.off, change, lambda share, rows: self._at(placed, share * SMALL, rows))
+
+        def column(own: np.ndarray) -> np.ndarray:
+            # The better an effect is concealed, the less of it a jump has to outweigh.
+            return score(self.fitted, placed, own).column
+
+        return steadied(column, change, lambda share, rows: self._at(placed, share * SMALL, rows))
 
     def _at(self, placed: Placed, share: float, rows: np.ndarray) -> np.ndarray:
         problem, point = self.problem.part(rows), self.point

@@ -127,7 +127,7 @@ def _shared(problem: Problem, point: Point, member: Fit) -> Linear:
     own = free.without(free.values)
     nothing = problem.extend(np.zeros((*base.shape, 0)))
     linear = Linear(*problem.starts_at(point, base), nothing, nothing)
-    return linear.and_of(problem.columns(point, own, range(own.unknowns), base, linear.off))
+    return linear.and_of(problem.columns(point, own, range(own.unknowns), base, linear))
 
 
 def _member(problem: Problem, fitted: Fit, shared: Linear) -> tuple[np.ndarray, Linear]:
@@ -135,7 +135,7 @@ def _member(problem: Problem, fitted: Fit, shared: Linear) -> tuple[np.ndarray, 
     hypothesis, free = fitted.point.hypothesis, fitted.coordinates
     base = problem.predict(hypothesis, *problem.starts)
     point = replace(fitted.point, qpos=problem.starts[0], qvel=problem.starts[1])
-    own = problem.columns(point, free, _sizes(fitted)[free.unknowns :], base, shared.off)
+    own = problem.columns(point, free, _sizes(fitted)[free.unknowns :], base, shared)
     return problem.extend(base[..., None])[..., 0], shared.and_of(own)
 
 

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.mismatch.problem import Coordinates, Point, Problem, shift
+from fimpact.mismatch.problem import Coordinates, Point, Problem, difference, shift
 from fimpact.mismatch.simulate import DIVERGED, Hypothesis
 
 DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
 THOUSANDTH = 1e-3
 STUCK = 3.0  # times the median of the windows' squares
+FAR, SCATTERED = 10.0, 6  # times the noise: what is tried from so many starts about the measured one
+WIDE = 4.0  # times the median distance of a start from the measured one: sd of those
 
 
 def first_point(problem: Problem, coordinates: Coordinates, hypothesis: Hypothesis) -> Point:
@@ -49,18 +51,29 @@ def _start_step(problem: Problem, point: Point, damping: np.ndarray) -> tuple[np
 
 
 def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point:
-    """`point`, with windows that fit far worse than the others tried anew from what the measurements show: a start on
-    the wrong side of a contact does not find its way back."""
-    squares = point.squares
-    loud = squares > STUCK * np.median(squares)
-    if not loud.any():
-        return point
-    part = problem.part(loud)
-    anew = settled(part, coordinates, part.evaluate(point.hypothesis, *part.starts, coordinates))
-    states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
-    for name, rows in states.items():
-        rows[loud] = getattr(anew, name)
-    return better(point, replace(point, **states))
+    """`point`, with windows that fit far worse than the others tried anew from what the measurements show, and those
+    that are far from the noise even then from about there: a start on the wrong side of a contact does not find its way
+    back."""
+    limit, rng = STUCK * np.median(point.squares), np.random.default_rng(0)
+    for trial in range(1 + SCATTERED):
+        loud = point.squares > np.maximum(limit, FAR * point.samples * (trial > 0))
+        if not loud.any():
+            break
+        part = problem.part(loud)
+        about = _spread(problem, point) * rng.standard_normal((loud.sum(), 2 * problem.simulator.base.nv)) * (trial > 0)
+        starts = shift(problem.simulator.base, *part.starts, about)
+        anew = settled(part, coordinates, part.evaluate(point.hypothesis, *starts, coordinates))
+        states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
+        for name, rows in states.items():
+            rows[loud] = getattr(anew, name)
+        point = better(point, replace(point, **states))
+    return point
+
+
+def _spread(problem: Problem, point: Point) -> np.ndarray:
+    """How far the windows' starts are from what the measurements show, (2 nv,), and some more."""
+    off = difference(problem.simulator.base, *problem.starts, point.qpos, point.qvel)
+    return WIDE * np.median(np.abs(off), 0)
 
 
 def moved(problem: Problem, point: Point, coordinates: Coordinates, z_step, x_step) -> Point:
