@@ -38,8 +38,8 @@ rule diagnose_concealed:
         commands="<concealed>/commands/{scatteritem}.npz",
     log:
         "<concealed>/logs/diagnose/{scatteritem}.log",
-    threads: 1
     priority: 1
+    threads: 1
     message:
         "diagnose part {wildcards.scatteritem}"
     script:
@@ -55,8 +55,8 @@ rule reveal:
         "<concealed>/revealed/{scatteritem}.npz",
     log:
         "<concealed>/logs/reveal/{scatteritem}.log",
-    threads: 1
     priority: 2
+    threads: 1
     message:
         "play the experiments of part {wildcards.scatteritem}"
     script:
@@ -74,8 +74,8 @@ rule resolve:
         "<concealed>/resolved/{scatteritem}.jsonl",
     log:
         "<concealed>/logs/resolve/{scatteritem}.log",
-    threads: 1
     priority: 3
+    threads: 1
     message:
         "resolve the sets of part {wildcards.scatteritem}"
     script:
@@ -90,8 +90,8 @@ rule peers:
         "<concealed>/peers/{scatteritem}.jsonl",
     log:
         "<concealed>/logs/peers/{scatteritem}.log",
-    threads: 1
     priority: 4
+    threads: 1
     params:
         compared=compared_cases(),
         refitted=compared_cases("refitted"),
@@ -114,8 +114,8 @@ rule score:
         "<concealed>/scores/{scatteritem}.jsonl",
     log:
         "<concealed>/logs/score/{scatteritem}.log",
-    threads: 1
     priority: 5
+    threads: 1
     params:
         compared=compared_cases(),
     message:

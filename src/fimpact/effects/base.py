@@ -25,13 +25,15 @@ ENTERS = ("model", "force", "friction", "gear", "command", "measurement")
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter of an effect: unit and bounds; `shape` parameters have no meaning where the amplitude is zero."""
+    """A parameter of an effect: unit and bounds; `shape` parameters have no meaning where the amplitude is zero; sd: of
+    what instruments of the kind are off by, where anybody knows."""
 
     name: str
     unit: str
     low: float = -np.inf
     high: float = np.inf
     shape: bool = False
+    sd: float = np.inf
 
 
 @dataclass(frozen=True)

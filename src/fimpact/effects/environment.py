@@ -161,7 +161,7 @@ EFFECTS = (
         sentence="Free fall is faster or slower than gravity says: a length scale or a clock is off.",
         reference=PLACE,
         enters="model",
-        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
+        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0, sd=0.1),),
         sites=sites.heavy,
         probes=lambda scales, model, site: [{"change": amounts.SMALL / 2}],
         law=gravity_scale,

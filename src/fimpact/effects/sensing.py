@@ -127,7 +127,7 @@ EFFECTS = (
         sentence="The sensor's calibration is off by a percentage.",
         reference=IMU,
         enters="measurement",
-        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
+        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0, sd=0.1),),
         sites=sites.scalable,
         probes=lambda scales, model, site: [{"change": amounts.SMALL}],
         law=sensor_scale,

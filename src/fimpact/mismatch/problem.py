@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 SECANT = 1e-5  # of a coordinate's scale: a thousandth of a thousandth of what it does, as little as may be concealed
 FRAME = 1e-5  # m, rad: well above the 1e-6 up to which MuJoCo takes a frame for that of its body
 NUDGE = 1e-5  # m, rad and their rates: the same for an initial state
+HIDDEN = 1e-6  # sensitivity to a state, of the largest to one of its kind, that is the secant's own: of second order
 WEAK = 1e-6  # prior weight of an initial state that nobody knows; only there to keep R invertible
 
 
@@ -206,7 +207,14 @@ class Problem:
             moved = shift(self.simulator.base, point.qpos, point.qvel, delta)
             columns.append((self.predict(point.hypothesis, *moved) - base) / NUDGE)
         prior = self.start_weight[:, :, None] * np.eye(2 * nv)
-        return np.linalg.qr(np.concatenate([np.stack(columns, 2), prior], 1))
+        return np.linalg.qr(np.concatenate([shown(np.stack(columns, 2)), prior], 1))
+
+
+def shown(columns: np.ndarray) -> np.ndarray:
+    """Sensitivities to initial states, (w, T * ny, 2 nv), without those that are none: a motion that nothing measures
+    would be taken as far as it has to go to show."""
+    kinds = np.split(np.linalg.norm(columns, axis=1), 2, 1)
+    return columns * np.concatenate([size > HIDDEN * size.max(1, keepdims=True) for size in kinds], 1)[:, None]
 
 
 def shift(model: mujoco.MjModel, qpos, qvel, delta) -> tuple[np.ndarray, np.ndarray]:
@@ -237,13 +245,14 @@ def coordinates(simulator: Simulator, placed: tuple[Placed, ...] = (), scales: t
     sd = np.array([u.sd for u in unknowns]) * unit
     positive = np.array([FIELDS[u.field][1] for u in unknowns], bool)
     low = np.where(positive, 1e-3 * unit * (nominal != 0), -np.inf)
-    names, lows, highs, sizes, units = [], [], [], [], [FIELDS[u.field][0] for u in unknowns]
+    names, lows, highs, sizes, sds, units = [], [], [], [], [], [FIELDS[u.field][0] for u in unknowns]
     for i, (hypothesis, scale) in enumerate(zip(placed, scales, strict=True)):
         for coefficient in (c for c in hypothesis.effect.coefficients if c.name not in hypothesis.held):
             names.append((i, coefficient.name))
             lows.append(coefficient.low)
             highs.append(coefficient.high)
             units.append(coefficient.unit)
+            sds.append(coefficient.sd)
             sizes.append(max(abs(scale[coefficient.name]), 1e-9))
     count, finite = len(names), np.where(np.isfinite(sd), np.minimum(sd, unit), unit)
     scale = np.append(finite, sizes)
@@ -254,6 +263,6 @@ def coordinates(simulator: Simulator, placed: tuple[Placed, ...] = (), scales: t
         np.append(np.full(len(nominal), np.inf), highs),
         scale,
         np.append(nominal, np.zeros(count)),
-        np.append(np.where(sd > 0, sd, np.inf), np.full(count, np.inf)),
+        np.append(np.where(sd > 0, sd, np.inf), sds),
         np.maximum(SECANT * scale, FRAME * np.isin(units, ("m", "rad"))),
     )
