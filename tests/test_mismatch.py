@@ -22,12 +22,12 @@ from fimpact.mismatch.name import WILD, Naming, _serving, build, name
 from fimpact.mismatch.nameless import Stranger, differences, nameless, varying
 from fimpact.mismatch.pooled import _apart, pooled, stacked
 from fimpact.mismatch.price import price, seen
-from fimpact.mismatch.problem import coordinates
+from fimpact.mismatch.problem import coordinates, shown
 from fimpact.mismatch.pulses import _swings, pulses
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
-from fimpact.mismatch.settle import restarted
+from fimpact.mismatch.settle import restarted, settled
 from fimpact.mismatch.simulate import Hypothesis, Simulator, can_hold
 from fimpact.mismatch.starts import noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
@@ -267,6 +267,33 @@ def test_a_window_that_is_stuck_is_begun_anew(nothing):
     assert lost.cost > 2 * fitted.point.cost
     assert found.cost < 1.01 * fitted.point.cost
     assert restarted(problem, fitted.coordinates, fitted.point) is fitted.point
+
+
+def test_a_window_that_is_stuck_where_it_was_measured_is_begun_about_there(nothing, monkeypatch):
+    problem, fitted = nothing.bench.training, nothing.naming.naive.fitted
+    qvel = fitted.point.qvel.copy()
+    qvel[3] += 30.0
+    lost = problem.evaluate(fitted.point.hypothesis, fitted.point.qpos, qvel, fitted.coordinates)
+
+    def stuck(part, coordinates, point):
+        if np.array_equal(point.qpos, part.starts[0]):
+            return part.evaluate(point.hypothesis, lost.qpos[3:4], lost.qvel[3:4], coordinates)
+        return settled(part, coordinates, point)
+
+    monkeypatch.setattr("fimpact.mismatch.settle.settled", stuck)
+    assert restarted(problem, fitted.coordinates, lost).cost < 1.01 * fitted.point.cost
+
+
+def test_a_motion_that_no_sensor_shows_has_no_sensitivity():
+    columns = np.ones((2, 5, 4)) * [1.0, 1e-9, 1e-3, 1e-8]
+    assert shown(columns)[:, 0].tolist() == [[1.0, 0.0, 1e-3, 1e-8]] * 2
+    assert shown(np.zeros((2, 5, 4))).tolist() == np.zeros((2, 5, 4)).tolist()
+
+
+def test_what_instruments_are_off_by_is_known_before(nothing):
+    scale = Placed(EFFECTS["sensor_scale"], "angle", {"change": 0.02})
+    free = coordinates(nothing.bench.training.simulator, (scale,), ({"change": 0.02},))
+    assert free.sd[-1] == 0.1 and free.mean[-1] == 0.0
 
 
 def test_windows_that_are_not_stuck_are_not_simulated_again(nothing, monkeypatch):
