@@ -11,11 +11,11 @@ from mujoco.rollout import Rollout
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.explain import explain
 from fimpact.mismatch.fit import SETTLED, fit, negligible
 from fimpact.mismatch.judge import bench, converging, correct, settle
 from fimpact.mismatch.leap import leap, leaped
-from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.settle import first_point
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.tame import WILD, tamed

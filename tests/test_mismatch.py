@@ -12,6 +12,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
 from fimpact.mismatch.colour import beside, colour, coloured, disturbance, generalised
+from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.curves import SPOTS, spots
 from fimpact.mismatch.diagnose import diagnose, in_words, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
@@ -22,7 +23,7 @@ from fimpact.mismatch.name import WILD, Naming, _serving, build, name
 from fimpact.mismatch.nameless import Stranger, differences, nameless, varying
 from fimpact.mismatch.pooled import _apart, pooled, stacked
 from fimpact.mismatch.price import price, seen
-from fimpact.mismatch.problem import coordinates, shown
+from fimpact.mismatch.problem import shown
 from fimpact.mismatch.pulses import _swings, pulses
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales

@@ -11,11 +11,11 @@ import pytest
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch import model
+from fimpact.mismatch.coordinates import NOTHING, coordinates
 from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import explain
 from fimpact.mismatch.judge import base_fit, bench, settle
 from fimpact.mismatch.model import check_model, refusal, write_model
-from fimpact.mismatch.problem import NOTHING, coordinates
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.recordings import Recording, Run, Unknown

@@ -9,11 +9,12 @@ from planted import record
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.bounded import bounded
+from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.discriminate import ENOUGH, GENERATIONS, PATIENCE, TRIED, Limits, _search, limits, worth
 from fimpact.mismatch.explain import explain, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import base_fit, bench
-from fimpact.mismatch.problem import Linear, coordinates
+from fimpact.mismatch.problem import Linear
 from fimpact.mismatch.resolve import _anew, remaining, resolve
 from fimpact.mismatch.separate import MOST, _left, _moved, known, separations
 from fimpact.mismatch.simulate import Hypothesis

@@ -8,8 +8,8 @@ from planted import record
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.mismatch.coordinates import NOTHING
 from fimpact.mismatch.judge import bench
-from fimpact.mismatch.problem import NOTHING
 from fimpact.mismatch.score import _Secant
 from fimpact.mismatch.settle import first_point
 from fimpact.mismatch.simulate import Hypothesis

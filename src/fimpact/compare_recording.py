@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 
 from fimpact.knobs import Knobs, freed, freed_knobs, own_knobs
+from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.explain import explain
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, again, base_fit, bench, settle
 from fimpact.mismatch.per_run import error_per_run, unit_of
-from fimpact.mismatch.problem import Problem, coordinates
+from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.peers import fit_sysid, judge_black_box
 from fimpact.recordings import Recording

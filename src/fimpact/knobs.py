@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from fimpact.mismatch.problem import NOTHING, Problem, coordinates
+from fimpact.mismatch.coordinates import NOTHING, coordinates
+from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.recordings import Recording, Unknown

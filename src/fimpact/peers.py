@@ -12,11 +12,12 @@ import numpy as np
 
 from fimpact.knobs import Knobs
 from fimpact.mismatch.blackbox import black_box
+from fimpact.mismatch.coordinates import NOTHING
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, settle
 from fimpact.mismatch.locate import locate
-from fimpact.mismatch.problem import NOTHING, Problem
+from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis
 

@@ -4,10 +4,10 @@ import numpy as np
 
 from fimpact.concealed.truth import Planted, Truth
 from fimpact.effects import EFFECTS
+from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import Explanation, explain, refit, sharpened
 from fimpact.mismatch.judge import Bench, again, base_fit, bench, settle
-from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen

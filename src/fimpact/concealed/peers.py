@@ -16,10 +16,10 @@ from fimpact.concealed.archive import load_recording
 from fimpact.concealed.rows import Report, each
 from fimpact.effects import EFFECTS
 from fimpact.knobs import own_knobs
+from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import Explanation, explain, refit
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
-from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import Candidate, proposals, screen
 from fimpact.mismatch.simulate import Hypothesis

@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 
 from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import colour, disturbance, generalised
+from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.judge import Bench, again, correct, settle
 from fimpact.mismatch.price import price
-from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem, coordinates
+from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate
 from fimpact.mismatch.simulate import Hypothesis

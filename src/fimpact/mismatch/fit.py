@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fimpact.mismatch.bounded import bounded
+from fimpact.mismatch.coordinates import Coordinates
 from fimpact.mismatch.leap import leaped
-from fimpact.mismatch.problem import Coordinates, Linear, Point, Problem
+from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.settle import DAMPING, FAILED, FIRST, better, moved, restarted, settled
 from fimpact.mismatch.simulate import can_touch
 

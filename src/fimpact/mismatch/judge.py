@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fimpact.mismatch.coordinates import NOTHING, Coordinates
 from fimpact.mismatch.fit import Fit, fit, relinearised
-from fimpact.mismatch.problem import NOTHING, Coordinates, Linear, Point, Problem
+from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.settle import first_point, restarted
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level, start_states

@@ -4,7 +4,8 @@ from collections.abc import Collection
 
 import numpy as np
 
-from fimpact.mismatch.problem import Coordinates, Point, Problem
+from fimpact.mismatch.coordinates import Coordinates
+from fimpact.mismatch.problem import Point, Problem
 from fimpact.mismatch.settle import better, settled
 
 STRIDES = (-0.7, 2.0)  # of a coordinate or its scale: the longest steps, tried first

@@ -12,12 +12,12 @@ import numpy as np
 from fimpact.effects.base import Effect
 from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, worthwhile
 from fimpact.mismatch.colour import FEW, colour, coloured, disturbance, generalised
+from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.explain import Explanation, explain, sharpened, without
 from fimpact.mismatch.fit import lost
 from fimpact.mismatch.judge import Bench, base_fit
 from fimpact.mismatch.nameless import Stranger, nameless
 from fimpact.mismatch.pooled import pooled
-from fimpact.mismatch.problem import coordinates
 from fimpact.mismatch.pulses import Pulses, pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen

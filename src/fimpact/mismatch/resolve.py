@@ -7,11 +7,12 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
+from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.explain import Explanation, beside, corrected, explain, shapes_of, sizes_of
 from fimpact.mismatch.fit import Fit, fit, lost
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.price import schwarz
-from fimpact.mismatch.problem import Point, Problem, coordinates
+from fimpact.mismatch.problem import Point, Problem
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals

@@ -15,10 +15,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from fimpact.mismatch.colour import CLOCK, REWEIGHTED, Colour, Disturbance, colour, disturbance, generalised
+from fimpact.mismatch.coordinates import NOTHING
 from fimpact.mismatch.explain import Explanation, shapes_of
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, correct
-from fimpact.mismatch.problem import NOTHING, Linear, Point, Problem
+from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.windows import Windows

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.mismatch.problem import Coordinates, Point, Problem, difference, shift
+from fimpact.mismatch.coordinates import Coordinates
+from fimpact.mismatch.problem import Point, Problem, difference, shift
 from fimpact.mismatch.simulate import DIVERGED, Hypothesis
 
 DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
