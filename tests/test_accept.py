@@ -8,9 +8,9 @@ import pytest
 from fimpact.concealed.strangers import known
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch.accept import accepted, hopeful, idle, kept, worthwhile
+from fimpact.mismatch.accept import accepted, hopeful, idle, improved, kept, worthwhile
 from fimpact.mismatch.colour import tempered
-from fimpact.mismatch.name import DOUBTED, RIGHT, SHARP, Naming, _further
+from fimpact.mismatch.name import CROWD, CROWDED, DOUBTED, RIGHT, SHARP, Naming, _further
 from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.problem import Point
 from fimpact.mismatch.step import SEEN, Step, step
@@ -37,6 +37,24 @@ def test_a_rival_keeps_its_word_in_loud_windows_and_in_quiet_ones():
     assert kept(naive, rival("better", 200, 200, 200, 8900))
     assert not kept(naive, rival("worse where it is loud", 200, 200, 200, 12000))
     assert not kept(naive, rival("worse where it is quiet", 500, 500, 500, 8000))
+
+
+def test_held_out_windows_are_predicted_better_if_neither_loud_ones_nor_chance_make_it_so():
+    naive = rival("none", 300, 300, 300, 9000)
+    assert improved(naive, rival("better", 290, 290, 290, 8990))
+    assert not improved(naive, rival("by chance", 299, 299, 300, 9000))
+    assert not improved(naive, rival("where it is loud", 500, 500, 500, 7000))
+
+
+@pytest.mark.parametrize(("p", "really", "found"), [(0.0002, True, True), (0.0002, False, False), (0.01, True, False)])
+def test_what_training_shows_beyond_doubt_and_held_out_runs_really_show_is_worth_having(monkeypatch, p, really, found):
+    """Whatever one linear step makes of it."""
+    told = np.array([[500.0, 200.0, 220.0], [0.0, 0.0, 0.0]])
+    for name, value in (("predicted", told), ("disturbance", None), ("colour", None), ("improved", really)):
+        monkeypatch.setattr(f"fimpact.mismatch.accept.{name}", lambda *_, value=value: value)
+    last = SimpleNamespace(rivals=[SimpleNamespace(fitted=0)], least=p)
+    search = SimpleNamespace(pulses=None, held_out=None, bench=None)
+    assert worthwhile(search, None, SimpleNamespace(placed=[1]), last) is found
 
 
 def test_once_the_likeliest_has_failed_only_those_that_predict_no_worse_are_tried():
@@ -109,6 +127,7 @@ def test_a_further_effect_explains_more_than_a_trace_or_is_beyond_doubt_or_relie
     monkeypatch.setattr("fimpact.mismatch.accept.predicted", lambda *_: told)
     monkeypatch.setattr("fimpact.mismatch.accept.disturbance", lambda *_: None)
     monkeypatch.setattr("fimpact.mismatch.accept.colour", lambda *_: None)
+    monkeypatch.setattr("fimpact.mismatch.accept.improved", lambda *_: False)
     current, last = SimpleNamespace(placed=[1] * placed), SimpleNamespace(rivals=[SimpleNamespace(fitted=0)], least=p)
     search = SimpleNamespace(pulses=None, held_out=None, bench=None)
     assert worthwhile(search, None, current, last) is found
@@ -161,6 +180,8 @@ def test_stated_confidence_is_what_such_weights_have_been_worth():
     assert several["name 1"] / several["name 2"] == pytest.approx(1.5)
     assert sum(several.values()) <= 1.0 + 1e-12
     assert naming(1.0, nameless=0.04).confidence == {"name 0": pytest.approx(DOUBTED * sum(RIGHT))}
+    crowd = naming(0.3, 0.2, 0.2, 0.1, 0.1, 0.1).confidence
+    assert len(crowd) == CROWD and crowd["name 0"] == pytest.approx(CROWDED * (RIGHT[0] + RIGHT[1] * 0.3**SHARP))
     assert naming(1.0, left=0.3).confidence == {"name 0": pytest.approx(DOUBTED * sum(RIGHT))}
 
 

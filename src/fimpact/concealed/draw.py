@@ -7,7 +7,7 @@ import numpy as np
 from fimpact.concealed.motions import Motion, draw_motion
 from fimpact.concealed.plants import PLANTS
 from fimpact.concealed.rigs import CLOCK, RIGS, Rig, rig_of
-from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, glance, seen, set_stage
+from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, glance, seen, set_stage, trace, whole
 from fimpact.concealed.strangers import STRANGERS, known
 from fimpact.concealed.truth import Planted, Truth, clean, measure, slips
 from fimpact.concealed.twins import TWINS
@@ -65,7 +65,7 @@ def _draw(rng, index, kind, system, target, attempt, seed):
     traces = tuple(fit_size(stage, *place, known(place[0]), *form, target) for place, form in own)
     rival, together = None, _together(stage, traces)
     if kind == "twin":
-        rival, cosine, left = _rival(stage, choice[1], forms[1][0], traces[0])
+        rival, cosine, left = _rival(stage, *choice, forms[1][0], traces[0])
         together |= {"cosine": cosine, "left": left}
     if kind == "single" and index % 2 and attempt < INSISTENCE and together["kappa"] < HIDDEN:
         raise Unfit("not hidden enough")
@@ -168,17 +168,25 @@ def _look(stage, choice, forms, target) -> None:
 
 
 def _twins(stage, own: Trace, other: Trace) -> bool:
-    cosine, left = seen(stage, own, other).left(0, 1)
+    return _indistinct(*seen(stage, own, other).left(0, 1))
+
+
+def _indistinct(cosine: float, left: float) -> bool:
     return cosine > ALIKE and left < INDISTINCT
 
 
-def _rival(stage, place, shape, own: Trace) -> tuple[Planted, float, float]:
-    """The other twin, sized alike; Unfit unless the recordings cannot tell the two apart."""
-    name, site = place
+def _rival(stage, place, other_place, shape, own: Trace) -> tuple[Planted, float, float]:
+    """The other twin, sized alike, and cosine and rest of the two in all runs; Unfit unless the recordings cannot tell
+    them apart, by those for training, which lambda is of, or by any."""
+    everything, (name, site) = whole(stage), other_place
     for sign in _signs(name):
         other = fit_size(stage, name, site, known(name), shape, sign, seen(stage, own).size[0])
-        if _twins(stage, own, other):
-            return _planted(stage, site, other, name), *seen(stage, own, other).left(0, 1)
+        if not _twins(stage, own, other):
+            continue
+        both = (trace(everything, *at, t.size, t.values) for at, t in ((place, own), (other_place, other)))
+        shown = seen(everything, *both).left(0, 1)
+        if _indistinct(*shown):
+            return _planted(stage, site, other, name), *shown
     raise Unfit("the recordings tell the twins apart")
 
 

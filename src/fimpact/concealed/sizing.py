@@ -1,6 +1,6 @@
 """Choosing an effect's size so that an oracle sees it with a given non-centrality."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,7 +37,8 @@ class Unfit(Exception):
 
 @dataclass(frozen=True)
 class Stage:
-    """A robot and its training motions before anything is planted. noise: (W, n ny, m) whitened disturbance."""
+    """A robot and its training motions before anything is planted. noise: (W, n ny, m) whitened disturbance, of size
+    `disturbance` and memory `correlation`, s."""
 
     rig: Rig
     motion: Motion
@@ -46,6 +47,7 @@ class Stage:
     tangent: Tangents
     noise: np.ndarray
     disturbance: float
+    correlation: float
 
 
 @dataclass(frozen=True)
@@ -60,12 +62,24 @@ class Trace:
 
 def set_stage(rig: Rig, motion: Motion, errors, start, correlation: float, raised: float) -> Stage:
     """Tangents of the unplanted robot, and a disturbance that raises the residual's variance by `raised`."""
-    runs = np.flatnonzero(~motion.held_out)
-    states = play(new_world(rig, errors, fine=False), start[runs], motion.ctrl[runs]).states
-    tangent = tangents(rig, errors, cut(rig, motion, states, runs), pushed=True)
+    tangent = _unplanted(rig, motion, errors, start)
     response = coloured(rig, tangent.push, correlation)
     sd = float(np.sqrt(raised / loudness(rig, tangent, response)))
-    return Stage(rig, motion, errors, start, tangent, sd * response, sd)
+    return Stage(rig, motion, errors, start, tangent, sd * response, sd, correlation)
+
+
+def whole(stage: Stage) -> Stage:
+    """The same robot with all of its motions for training, those that are held out as well."""
+    motion = replace(stage.motion, held_out=np.zeros_like(stage.motion.held_out))
+    tangent = _unplanted(stage.rig, motion, stage.errors, stage.start)
+    noise = stage.disturbance * coloured(stage.rig, tangent.push, stage.correlation)
+    return replace(stage, motion=motion, tangent=tangent, noise=noise)
+
+
+def _unplanted(rig: Rig, motion: Motion, errors, start) -> Tangents:
+    runs = np.flatnonzero(~motion.held_out)
+    states = play(new_world(rig, errors, fine=False), start[runs], motion.ctrl[runs]).states
+    return tangents(rig, errors, cut(rig, motion, states, runs), pushed=True)
 
 
 def _windows(stage: Stage, name: str, site: str, values: Values):

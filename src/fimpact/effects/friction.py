@@ -71,7 +71,7 @@ def _stribeck_probes(scales, model, site):
 
 def _dahl_probes(scales, model, site):
     small, travel = amounts.SMALL * amounts.force(scales, model, site), amounts.travel(scales, model, site)
-    return [{"friction": small, "displacement": part * travel} for part in (0.03, 0.2)]
+    return [{"friction": small, "displacement": part * travel} for part in (0.03, 0.2, 1.0)]
 
 
 EFFECTS = (

@@ -28,13 +28,15 @@ def hopeful(best: Explanation, rivals: list[Explanation]) -> list[Explanation]:
 def worthwhile(search: Search, naive: Explanation, current: Explanation, last: Step) -> bool:
     """Whether the best rival predicts held-out windows better, and a further one by more than a trace of what there was
     to explain, unless it relieves parameters of values that nobody would believe. What training shows beyond doubt, a
-    few held-out runs may fail to show by chance, and of a further one no more than a hint."""
+    few held-out runs may fail to show by chance, and of a further one no more than a hint, or what they really show."""
     pushing = disturbance(last.rivals[0].fitted, search.pulses)
     shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
     (before, now, then), (_, bent, straight) = predicted(search.bench, (naive, current, last.rivals[0]), shades)
     if current.placed:
-        trace = 0.0 if last.least <= SURE else max(TRACE * (before - now), 0.0)
-        return bool(now - then + bent - straight > trace)
+        sure = last.least <= SURE
+        trace = 0.0 if sure else max(TRACE * (before - now), 0.0)
+        # One linear step promises little of an effect that is large, or met in contact; what was simulated is there.
+        return bool(now - then + bent - straight > trace) or (sure and improved(current, last.rivals[0]))
     return bool(then - now < next((loss for p, loss in LOSSES if last.least <= p), 0.0))
 
 
@@ -79,6 +81,13 @@ def kept(before: Explanation, after: Explanation) -> bool:
     points = before.judged.point, after.judged.point
     tame = [tempered(point.squares, point.samples) for point in points]
     return _no_worse(*(point.squares for point in points)) and _no_worse(*tame)
+
+
+def improved(before: Explanation, after: Explanation) -> bool:
+    """Whether held-out windows really are predicted better by more than chance, loud windows or not."""
+    points = before.judged.point, after.judged.point
+    tame = [tempered(point.squares, point.samples).sum() for point in points]
+    return bool(min(points[0].squares.sum() - points[1].squares.sum(), tame[0] - tame[1]) > CHANCE)
 
 
 def _no_worse(was: np.ndarray, now: np.ndarray) -> bool:

@@ -37,6 +37,10 @@ LARGEST = 3  # effects that are added, at most
 # rivals: relatives differ in second order, and between them a weight short of certain decides little. And what that is
 # multiplied by where something beside it may be missing.
 RIGHT, SHARP, DOUBTED = (0.56, 0.42), 8, 0.82
+CROWD, CROWDED = (
+    6,
+    0.5,
+)  # members from which an answer is less than even, and the factor: 3 of 13 opened ones were right
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,7 @@ class Naming:
             return {self.answer: 1.0 - ALARM}
         best, *others = self.members
         stated = (RIGHT[0] + RIGHT[1] * best.weight**SHARP) * (DOUBTED if self.beside else 1.0)
+        stated *= CROWDED if len(self.members) >= CROWD else 1.0
         share = min(1.0, (1 - stated) / max(1 - best.weight, 1e-9))
         return {best.name: stated} | {m.name: m.weight * share for m in others}
 
