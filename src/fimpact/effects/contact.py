@@ -174,6 +174,7 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"coefficient": amounts.SMALL / 10 * scales.length}],
         law=rolling_friction,
         neutral={"coefficient": 0.0},
+        linear=False,  # MuJoCo softens what little friction there is in the square of its coefficient
         export=exporting(rolling_friction),
     ),
     Effect(

@@ -28,15 +28,16 @@ def hopeful(best: Explanation, rivals: list[Explanation]) -> list[Explanation]:
 def worthwhile(search: Search, naive: Explanation, current: Explanation, last: Step) -> bool:
     """Whether the best rival predicts held-out windows better, and a further one by more than a trace of what there was
     to explain, unless it relieves parameters of values that nobody would believe. What training shows beyond doubt, a
-    few held-out runs may fail to show by chance, and of a further one no more than a hint, or what they really show."""
+    few held-out runs may fail to show by chance, and of a further one no more than a hint; what they do show counts."""
     pushing = disturbance(last.rivals[0].fitted, search.pulses)
     shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
     (before, now, then), (_, bent, straight) = predicted(search.bench, (naive, current, last.rivals[0]), shades)
+    sure = last.least <= SURE
+    # One linear step promises little of an effect that is large, or met in contact; what was simulated is there.
+    if sure and improved(current, last.rivals[0]):
+        return True
     if current.placed:
-        sure = last.least <= SURE
-        trace = 0.0 if sure else max(TRACE * (before - now), 0.0)
-        # One linear step promises little of an effect that is large, or met in contact; what was simulated is there.
-        return bool(now - then + bent - straight > trace) or (sure and improved(current, last.rivals[0]))
+        return bool(now - then + bent - straight > (0.0 if sure else max(TRACE * (before - now), 0.0)))
     return bool(then - now < next((loss for p, loss in LOSSES if last.least <= p), 0.0))
 
 

@@ -29,7 +29,8 @@ from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 WILDER = 100.0  # the same where windows are too few to know what a disturbance does
-CERTAIN = 0.02  # family-wise p at which a force without a name is there, whatever is named beside it
+# Family-wise p at which what has no name is there, whatever is named beside it, and where nothing is.
+CERTAIN, ALONE = 0.01, 0.02
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
 LEFT = 0.25  # share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it
 LARGEST = 3  # effects that are added, at most
@@ -89,7 +90,7 @@ class Naming:
     @property
     def certain(self) -> bool:
         """Whether what has no name is there beside the best answer; a few windows cannot tell it from a disturbance."""
-        return self.stranger.p <= CERTAIN and not self.few
+        return self.stranger.p <= (CERTAIN if self.best.placed else ALONE) and not self.few
 
     @property
     def beside(self) -> bool:
