@@ -282,6 +282,8 @@ def test_a_window_that_is_stuck_where_it_was_measured_is_begun_about_there(nothi
         return settled(part, coordinates, point)
 
     monkeypatch.setattr("fimpact.mismatch.settle.settled", stuck)
+    assert restarted(problem, fitted.coordinates, lost).cost > 2 * fitted.point.cost
+    monkeypatch.setattr("fimpact.mismatch.settle.can_touch", lambda model: True)
     assert restarted(problem, fitted.coordinates, lost).cost < 1.01 * fitted.point.cost
 
 
