@@ -10,8 +10,9 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.accept import accepted, hopeful, idle, improved, kept, worthwhile
 from fimpact.mismatch.colour import tempered
-from fimpact.mismatch.name import CROWD, CROWDED, DOUBTED, RIGHT, SHARP, Naming, _further
+from fimpact.mismatch.name import _further
 from fimpact.mismatch.nameless import Stranger
+from fimpact.mismatch.naming import CROWD, CROWDED, DOUBTED, RIGHT, SHARP, Naming
 from fimpact.mismatch.problem import Point
 from fimpact.mismatch.step import SEEN, Step, step
 

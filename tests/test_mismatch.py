@@ -19,8 +19,9 @@ from fimpact.mismatch.discriminate import discriminate
 from fimpact.mismatch.explain import explain, refit, sizes_of
 from fimpact.mismatch.judge import base_fit, bench
 from fimpact.mismatch.locate import _modes
-from fimpact.mismatch.name import WILD, Naming, _serving, build, name
+from fimpact.mismatch.name import _serving, build, name
 from fimpact.mismatch.nameless import Stranger, differences, nameless, varying
+from fimpact.mismatch.naming import Naming
 from fimpact.mismatch.pooled import _apart, pooled, stacked
 from fimpact.mismatch.price import price, seen
 from fimpact.mismatch.problem import shown
@@ -32,6 +33,7 @@ from fimpact.mismatch.settle import restarted, settled
 from fimpact.mismatch.simulate import Hypothesis, Simulator, can_hold
 from fimpact.mismatch.starts import noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
+from fimpact.mismatch.tame import WILD
 from fimpact.mismatch.weigh import both
 from fimpact.mismatch.windows import Windows, cut
 

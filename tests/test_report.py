@@ -14,8 +14,8 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed, words
 from fimpact.mismatch.diagnose import Diagnosis
 from fimpact.mismatch.locate import locate
-from fimpact.mismatch.name import Naming
 from fimpact.mismatch.nameless import Stranger
+from fimpact.mismatch.naming import Naming
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.step import Step
 from fimpact.report import describe_inputs, pair, short, to_text, write_report

@@ -14,7 +14,8 @@ from fimpact.mismatch.evidence import Evidence, weigh_evidence
 from fimpact.mismatch.explain import sizes_of
 from fimpact.mismatch.judge import Bench, bench
 from fimpact.mismatch.locate import Location, locate
-from fimpact.mismatch.name import SEEMING, Naming, name
+from fimpact.mismatch.name import name
+from fimpact.mismatch.naming import SEEMING, Naming
 from fimpact.mismatch.step import Step
 from fimpact.recordings import FIELDS, Recording
 from fimpact.units import channel_unit

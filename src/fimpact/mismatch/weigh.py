@@ -27,7 +27,7 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     rivals = [replace(rival, exposed=both(bench, rival)[1]) for rival in rivals]
     pushing = disturbance(min(rivals, key=lambda r: explain(*r.parts).deviance).fitted, found)
     shades = colour(found, pushing), colour(held_out, pushing)
-    optima = [generalised(parts, shades) for parts in steadied([both(bench, r) for r in rivals], shades)]
+    optima = [generalised(parts, shades) for parts in lent([both(bench, r) for r in rivals], shades)]
     bent = np.array([o.bent for o in optima])
     squares = np.array([o.total for o in optima]) - bent
     least = int(np.argmin(squares + bent + _paid(rivals, optima, 1.0).sum(1)))
@@ -50,17 +50,17 @@ def _paid(rivals: list[Explanation], optima: list[Generalised], spread: float) -
     return np.array([price(r.parts, spread * o.covariance) for r, o in zip(rivals, optima, strict=True)])
 
 
-def steadied(rivals: Sequence[tuple[Fit, ...]], shades: Sequence[Colour]) -> list[list[Fit]]:
+def lent(rivals: Sequence[tuple[Fit, ...]], shades: Sequence[Colour]) -> list[list[Fit]]:
     """The fits of each rival, with another's sensitivities to initial states in windows where they explain far more.
 
     A secant across the instant of an impact shows a jump and no slope; which rival meets one is chance, and must not
     decide between them.
     """
-    sets = [_steadied(fits, shade) for fits, shade in zip(zip(*rivals, strict=True), shades, strict=True)]
+    sets = [_lent(fits, shade) for fits, shade in zip(zip(*rivals, strict=True), shades, strict=True)]
     return [list(parts) for parts in zip(*sets, strict=True)]
 
 
-def _steadied(fits: Sequence[Fit], shade: Colour) -> list[Fit]:
+def _lent(fits: Sequence[Fit], shade: Colour) -> list[Fit]:
     states = np.stack([fit.linear.basis @ fit.linear.triangle for fit in fits])
     bases, out = [np.linalg.qr(shade.white(own))[0] for own in states], []
     for i, fit in enumerate(fits):
@@ -98,14 +98,14 @@ def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
 
 def explained(shades: Sequence[Colour], naive: Sequence[Fit], current: Sequence[Fit]) -> float:
     """Generalised squares by which `current` fits sets of windows, of a colour each, better than `naive`."""
-    before, after = (generalised(fits, shades).total for fits in steadied([naive, current], shades))
+    before, after = (generalised(fits, shades).total for fits in lent([naive, current], shades))
     return before - after
 
 
 def predicted(bench: Bench, explanations: Sequence[Explanation], shades: tuple[Colour, Colour]) -> np.ndarray:
     """Squares of the held-out windows as each explanation predicts them from training: what they add to those of
     training alone; and how far it bends what was known before, (2, e)."""
-    pairs = steadied([both(bench, e) for e in explanations], shades)
+    pairs = lent([both(bench, e) for e in explanations], shades)
     optima = [(generalised(fits, shades), generalised(fits[:1], shades[:1])) for fits in pairs]
     return np.array([(all_.total - alone.total, all_.bent) for all_, alone in optima]).T
 

@@ -1,0 +1,108 @@
+"""Naming: what was found missing, and the answer: a name, a set of them, "none" or "unnamed", and how sure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fimpact.mismatch.colour import FEW
+from fimpact.mismatch.explain import Explanation
+from fimpact.mismatch.nameless import Stranger
+from fimpact.mismatch.pulses import Pulses
+from fimpact.mismatch.step import ALARM, FURTHER, Step
+from fimpact.mismatch.tame import WILD
+
+UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
+WILDER = 100.0  # WILD where windows are too few to know what a disturbance does
+# Family-wise p at which what has no name is there, whatever is named beside it, and where nothing is.
+CERTAIN, ALONE = 0.01, 0.02
+SEEMING = 0.05  # the same at which a named answer says that it need not be all
+LEFT = 0.25  # share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it
+LARGEST = 3  # effects that are added, at most
+# Share of right answers in 189 opened cases of the concealed benchmark, a power of the weight of the best among its
+# rivals: relatives differ in second order, and between them a weight short of certain decides little. And what that is
+# multiplied by where something beside it may be missing.
+RIGHT, SHARP, DOUBTED = (0.56, 0.42), 8, 0.82
+# Members from which an answer is less than even, and the factor: 3 of 13 opened ones were right.
+CROWD, CROWDED = 6, 0.5
+
+
+@dataclass(frozen=True)
+class Naming:
+    """The naive explanation, the steps, and the answer: `best` and the rivals that cannot be told from it.
+
+    left: what the `stranger`, the strongest of what has no name, explains beside `best`, as a share of that and of what
+    `best` explains. dispersion: of the windows' squares under `best`, 1: noise among disturbances. covariance: of the
+    coordinates of `best`, disturbances counted. pulses: those in the training windows.
+    """
+
+    naive: Explanation
+    steps: list[Step]
+    best: Explanation
+    members: list[Explanation]
+    left: float
+    stranger: Stranger
+    dispersion: float
+    covariance: np.ndarray
+    pulses: Pulses
+
+    @property
+    def widened(self) -> float:
+        """How much wider disturbances make the intervals, the median over the fitted coordinates."""
+        ratio = np.diag(self.covariance) / np.diag(self.best.fitted.covariance)
+        return float(np.sqrt(np.median(ratio))) if len(ratio) else 1.0
+
+    @property
+    def p(self) -> float:
+        """Family-wise p of the strongest candidate that the naive model was tested for."""
+        return self.steps[0].least
+
+    @property
+    def answer(self) -> str:
+        """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance."""
+        forced = self.certain and self.left > UNNAMED
+        limit = WILDER if self.few else WILD
+        wild = self.dispersion > limit and not self.best.placed
+        return "unnamed" if forced or wild else self.best.name
+
+    @property
+    def few(self) -> bool:
+        """Whether the training windows are too few to know what a disturbance does."""
+        return len(self.pulses.time) < FEW
+
+    @property
+    def certain(self) -> bool:
+        """Whether what has no name is there beside the best answer; a few windows cannot tell it from a disturbance."""
+        return self.stranger.p <= (CERTAIN if self.best.placed else ALONE) and not self.few
+
+    @property
+    def beside(self) -> bool:
+        """Whether something without a name may be there beside the best answer: it seems so, much is left, or as many
+        effects were added as may be, and none was asked for after them."""
+        return self.seeming or self.left > LEFT or len(self.best.placed) == LARGEST
+
+    @property
+    def seeming(self) -> bool:
+        """Whether something without a name seems to be there beside the best answer: a force, or what calls for one of
+        the catalogue though none of it was worth while."""
+        refused = len(self.best.placed) < LARGEST and self.steps[-1].least <= FURTHER
+        return refused or self.stranger.p <= SEEMING
+
+    @property
+    def answer_set(self) -> list[str]:
+        """The answer, the names that the recordings cannot tell from it, and "unnamed" where not all has a name."""
+        names = [m.name for m in self.members]
+        if self.answer == "unnamed":
+            return ["unnamed", *names]
+        return [*names, "unnamed"] if names and self.beside else names or [self.answer]
+
+    @property
+    def confidence(self) -> dict[str, float]:
+        """Belief in each member of the set: the best's as often as one of its weight proved right, the others' no more
+        than is left; the sum is below 1 by what has another name, or none."""
+        if not self.members:
+            return {self.answer: 1.0 - ALARM}
+        best, *others = self.members
+        stated = (RIGHT[0] + RIGHT[1] * best.weight**SHARP) * (DOUBTED if self.beside else 1.0)
+        stated *= CROWDED if len(self.members) >= CROWD else 1.0
+        share = min(1.0, (1 - stated) / max(1 - best.weight, 1e-9))
+        return {best.name: stated} | {m.name: m.weight * share for m in others}
