@@ -76,7 +76,8 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
         where = f"that the catalogue cannot name: {location.sentence}.{_like(naming)}"
         if found and evidence.low > 0:
             return f"Missing: {found}. {share} More is missing {where}"
-        return f"Something is missing {where}" + (f" {REFUSED}: {found}." if found else "")
+        refused = found or next((words(r.name) for r in naming.steps[0].rivals), "")
+        return f"Something is missing {where}" + (f" {REFUSED}: {refused}." if refused else "")
     others = [words(m.name) for m in naming.members[1:]]
     unsure = f" These recordings cannot tell it from {', '.join(others)}." if others else ""
     if not evidence.low > 0:

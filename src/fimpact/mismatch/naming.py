@@ -15,6 +15,7 @@ UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leav
 WILDER = 100.0  # WILD where windows are too few to know what a disturbance does
 # Family-wise p at which what has no name is there, whatever is named beside it, and where nothing is.
 CERTAIN, ALONE = 0.01, 0.02
+UNKEPT = 0.005  # family-wise p of a candidate at which something is missing, though no name kept its word
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
 LEFT = 0.25  # share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it
 LARGEST = 3  # effects that are added, at most
@@ -58,11 +59,12 @@ class Naming:
 
     @property
     def answer(self) -> str:
-        """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance."""
+        """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance, or
+        what calls for a name has none that keeps its word."""
         forced = self.certain and self.left > UNNAMED
         limit = WILDER if self.few else WILD
-        wild = self.dispersion > limit and not self.best.placed
-        return "unnamed" if forced or wild else self.best.name
+        called = self.dispersion > limit or (self.p <= UNKEPT and not self.few)
+        return "unnamed" if forced or (called and not self.best.placed) else self.best.name
 
     @property
     def few(self) -> bool:
