@@ -209,6 +209,13 @@ def test_an_answer_of_as_many_effects_as_are_tried_says_that_more_may_be_missing
     assert naming(1.0, effects=3).answer_set == ["name 0", "unnamed"]
 
 
+def test_effects_that_stand_in_for_what_has_no_name_are_not_worth_an_experiment():
+    several = {"nameless": 0.001, "left": 0.5}
+    assert naming(0.6, 0.4, effects=3, **several).contenders == []
+    assert len(naming(0.6, 0.4, effects=1, **several).contenders) == 2
+    assert len(naming(0.6, 0.4, effects=3).contenders) == 2
+
+
 def test_what_acts_in_contact_only_is_known_as_such():
     for name, effect in EFFECTS.items():
         assert effect.touching == (known(name).mode == "contact"), name

@@ -36,7 +36,7 @@ def diagnose_recording(
     if effects:
         progress(f"adding {', '.join(load_effects(effects))} to the catalogue")
     found = diagnose(recording, progress)
-    if len(found.naming.members) > 1:
+    if len(found.naming.contenders) > 1:
         progress("designing the experiment that tells the names apart")
     experiment = next_experiment(found)
     progress("writing the page")

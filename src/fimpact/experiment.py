@@ -21,8 +21,8 @@ MANY = 20  # repetitions beyond which nobody would play it
 
 
 def next_experiment(diagnosis: Diagnosis) -> Experiment | None:
-    """The experiment that separates the members of the answer; None where there is but one."""
-    members = diagnosis.naming.members
+    """The experiment that separates the members of the answer; None where there is but one, or none worth it."""
+    members = diagnosis.naming.contenders
     return discriminate(diagnosis.bench, diagnosis.recording, members) if len(members) > 1 else None
 
 

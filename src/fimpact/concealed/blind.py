@@ -56,7 +56,7 @@ def diagnose_case(recording: Recording, report: Report = lambda line: None) -> t
 
 
 def _experiments(diagnosis: Diagnosis) -> tuple[Arrays, dict[str, float]]:
-    members = diagnosis.naming.members
+    members = diagnosis.naming.contenders
     if len(members) < 2:
         return {}, {}
     best = discriminate(diagnosis.bench, diagnosis.recording, members)

@@ -98,6 +98,13 @@ class Naming:
         return [*names, "unnamed"] if names and self.beside else names or [self.answer]
 
     @property
+    def contenders(self) -> list[Explanation]:
+        """The members that an experiment may tell apart: none where as many effects as may be added leave what has no
+        name. They stand in for that, and which of them does it best is no question worth a run."""
+        standing_in = self.answer == "unnamed" and len(self.best.placed) == LARGEST
+        return [] if standing_in else self.members
+
+    @property
     def confidence(self) -> dict[str, float]:
         """Belief in each member of the set: the best's as often as one of its weight proved right, the others' no more
         than is left; the sum is below 1 by what has another name, or none."""
