@@ -13,9 +13,8 @@ from fimpact.mismatch.tame import WILD
 
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 WILDER = 100.0  # WILD where windows are too few to know what a disturbance does
-# Family-wise p at which what has no name is there, whatever is named beside it, and where nothing is: there that of a
-# candidate of the catalogue whose names do not keep their word does as well.
-CERTAIN, ALONE = 0.01, 0.005
+CERTAIN = 0.01  # family-wise p at which what has no name is there, whatever is named
+UNKEPT = 0.005  # the same of a candidate at which something is missing, though no name kept its word
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
 LEFT = 0.25  # share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it
 LARGEST = 3  # effects that are added, at most
@@ -63,7 +62,7 @@ class Naming:
         what calls for a name has none that keeps its word."""
         forced = self.certain and self.left > UNNAMED
         limit = WILDER if self.few else WILD
-        called = self.dispersion > limit or (self.p <= ALONE and not self.few)
+        called = self.dispersion > limit or (self.p <= UNKEPT and not self.few)
         return "unnamed" if forced or (called and not self.best.placed) else self.best.name
 
     @property
@@ -74,7 +73,7 @@ class Naming:
     @property
     def certain(self) -> bool:
         """Whether what has no name is there beside the best answer; a few windows cannot tell it from a disturbance."""
-        return self.stranger.p <= (CERTAIN if self.best.placed else ALONE) and not self.few
+        return self.stranger.p <= CERTAIN and not self.few
 
     @property
     def beside(self) -> bool:
