@@ -726,6 +726,9 @@ def test_the_verdict_tells_what_has_a_name_beside_what_has_none(friction, monkey
     said = verdict(friction.naming, friction.recording, friction.location, refused)
     assert said.startswith("Something is missing that the catalogue cannot name")
     assert ". The likeliest name does not improve held-out runs: coulomb at joint_2 (" in said
+    nothing = replace(friction.naming, best=friction.naming.naive, members=[])
+    said = verdict(nothing, friction.recording, friction.location, friction.evidence)
+    assert said.endswith(". The likeliest name does not improve held-out runs: coulomb at joint_2.")
 
 
 SLED = """<mujoco><worldbody><body name="sled"><joint name="rail" type="slide"/><geom size="0.1"/>
