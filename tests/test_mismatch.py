@@ -30,7 +30,7 @@ from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.settle import restarted, settled
-from fimpact.mismatch.simulate import Hypothesis, Simulator, can_hold
+from fimpact.mismatch.simulate import Hypothesis, Simulator, can_hold, may_stick
 from fimpact.mismatch.starts import noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
 from fimpact.mismatch.tame import WILD
@@ -285,7 +285,7 @@ def test_a_window_that_is_stuck_where_it_was_measured_is_begun_about_there(nothi
 
     monkeypatch.setattr("fimpact.mismatch.settle.settled", stuck)
     assert restarted(problem, fitted.coordinates, lost).cost > 2 * fitted.point.cost
-    monkeypatch.setattr("fimpact.mismatch.settle.can_touch", lambda model: True)
+    monkeypatch.setattr("fimpact.mismatch.settle.may_stick", lambda *given: True)
     assert restarted(problem, fitted.coordinates, lost).cost < 1.01 * fitted.point.cost
 
 
@@ -789,6 +789,16 @@ HELD = """
 )
 def test_what_may_be_held_needs_a_solver(joint, geom, held):
     assert can_hold(mujoco.MjModel.from_xml_string(HELD.format(joint=joint, geom=geom))) is held
+
+
+@pytest.mark.parametrize(
+    ("effect", "sticks"),
+    [("viscous", False), ("torque_ripple", False), ("coulomb", True), ("dahl", True), ("load_dependent_friction", True)],
+)
+def test_under_dry_friction_of_any_kind_a_free_joint_may_stick(effect, sticks):
+    model = mujoco.MjModel.from_xml_string(HELD.format(joint="", geom='contype="0"'))
+    assert may_stick(model, Hypothesis(np.zeros(0), (Placed(EFFECTS[effect], "turn", {}),))) is sticks
+    assert not may_stick(model, Hypothesis(np.zeros(0)))
 
 
 def test_without_a_solver_what_nothing_holds_moves_as_with_it(nothing, monkeypatch):

@@ -158,7 +158,8 @@ EFFECTS = (
         enters="force",
         coefficients=(
             Coefficient("friction", "N m", low=0.0),
-            Coefficient("displacement", "rad", low=1e-6, shape=True),
+            # What slips only after a radian or a metre is no friction: a spring tied to where the run began.
+            Coefficient("displacement", "rad", low=1e-6, high=1.0, shape=True),
         ),
         sites=sites.joints,
         probes=_dahl_probes,

@@ -16,7 +16,7 @@ TRACE = 0.03  # share of what there was to explain that is not worth a further e
 SURE, CHANCE = 5e-4, 4.0  # family-wise p that held-out runs need not confirm; squares that are chance, two deviations
 LOSSES = ((SURE, 9.0), (5e-3, 1.0))  # up to which p a first effect may lose how many squares of held-out runs
 TRIES, SLACK = 3, 0.01  # rivals that are sharpened in a round; share of the held-out squares that is chance
-CALM = 1.1  # dispersion up to which disturbances are what they are taken for, and squares in their colour decide
+CALM = 2.0  # dispersion up to which disturbances are nearly what they are taken for, and squares in their colour decide
 
 
 def hopeful(best: Explanation, rivals: list[Explanation]) -> list[Explanation]:
@@ -66,12 +66,14 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
 
 
 def _kept_among(search: Search, before: Explanation, after: Explanation) -> bool:
-    """Whether held-out windows are predicted no worse among disturbances, where those are what they are taken for: to
-    follow an effect that they hide, parameters may have to leave values that had imitated the disturbances."""
+    """Whether held-out windows are predicted no worse among disturbances, where those are what they are taken for, and
+    by parameters as uncertain as training leaves them: to follow an effect that they hide, parameters may have to leave
+    values that had imitated the disturbances, and what they do in a faster motion is less certain than in these."""
     if after.dispersion > CALM:
         return False
-    shade = colour(search.held_out, disturbance(after.fitted, search.pulses))
-    was, now = ((shade.apply(e.judged.linear).off(e.judged.point.residual) ** 2).sum() for e in (before, after))
+    pushing = disturbance(after.fitted, search.pulses)
+    shades = colour(search.pulses, pushing), colour(search.held_out, pushing)
+    was, now = predicted(search.bench, (before, after), shades)[0]
     return bool(now <= was + CHANCE)
 
 

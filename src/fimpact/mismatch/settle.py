@@ -6,7 +6,7 @@ import numpy as np
 
 from fimpact.mismatch.coordinates import Coordinates
 from fimpact.mismatch.problem import Point, Problem, difference, shift
-from fimpact.mismatch.simulate import DIVERGED, Hypothesis, can_touch
+from fimpact.mismatch.simulate import DIVERGED, Hypothesis, may_stick
 
 DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
 THOUSANDTH = 1e-3
@@ -53,9 +53,9 @@ def _start_step(problem: Problem, point: Point, damping: np.ndarray) -> tuple[np
 
 def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point:
     """`point`, with windows that fit far worse than the others tried anew from what the measurements show, and those
-    that are far from the noise even then, if things touch, from about there: a start on the wrong side of a contact
-    does not find its way back."""
-    trials = 1 + SCATTERED * can_touch(problem.simulator.base)
+    that are far from the noise even then, if things touch or stick, from about there: a start on the wrong side of a
+    contact, or of a standstill, does not find its way back."""
+    trials = 1 + SCATTERED * may_stick(problem.simulator.base, point.hypothesis)
     limit, rng = STUCK * np.median(point.squares), np.random.default_rng(0)
     for trial in range(trials):
         loud = point.squares > np.maximum(limit, FAR * point.samples * (trial > 0))

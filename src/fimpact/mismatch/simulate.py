@@ -231,6 +231,12 @@ def can_hold(model: mujoco.MjModel) -> bool:
     return bool(can_touch(model) or model.neq or limited or rubbed)
 
 
+def may_stick(model: mujoco.MjModel, hypothesis: Hypothesis) -> bool:
+    """Whether anything in it may be held or rubbed under `hypothesis`, whose effects may be dry friction."""
+    dry = (p.effect.enters == "friction" or "coulomb" in (p.effect.name, *p.effect.contains) for p in hypothesis.placed)
+    return can_hold(model) or any(dry)
+
+
 def _sensor_column(model: mujoco.MjModel, channel: str) -> int:
     name, _, component = channel.removesuffix("]").partition("[")
     return model.sensor(name).adr[0] + int(component or 0)
