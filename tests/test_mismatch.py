@@ -793,7 +793,7 @@ def test_what_may_be_held_needs_a_solver(joint, geom, held):
 
 @pytest.mark.parametrize(
     ("effect", "sticks"),
-    [("viscous", False), ("torque_ripple", False), ("coulomb", True), ("dahl", True), ("load_dependent_friction", True)],
+    [("viscous", False), ("torque_ripple", False), ("coulomb", True), ("dahl", True), ("efficiency", True)],
 )
 def test_under_dry_friction_of_any_kind_a_free_joint_may_stick(effect, sticks):
     model = mujoco.MjModel.from_xml_string(HELD.format(joint="", geom='contype="0"'))
