@@ -31,7 +31,7 @@ RIVAL = 0.4  # share of the best candidate's predicted gain below which a candid
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
 CLOSE = 1e-4  # weight, relative to the likeliest, above which the error of the time step could change the order
-EVEN = 0.7  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
+EVEN = 0.8  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
 
 @dataclass(frozen=True)
