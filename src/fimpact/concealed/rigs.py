@@ -17,7 +17,7 @@ class Rig:
     """A rig and its instruments.
 
     period: s between samples. fine, coarse: steps per period of the truth and of its coarse copy; the naive model's
-    step is that of the copy, the truth's a twentieth of it. channels: as in `Recording`. noise, quantum: (ny,) sd and
+    step is that of the copy, the truth's a tenth of it or less. channels: as in `Recording`. noise, quantum: (ny,) sd and
     resolution of each channel. unknowns: fitted parameters. start_sd: (2 nv,) how well the start of a run is known,
     inf: not at all. window: s, 0: whole runs. duration: s. training, held_out: numbers of runs.
     disturbance: (nv,) relative size of the coloured disturbance on each degree of freedom.
@@ -94,7 +94,7 @@ ARM = Rig(
 PRESSING = replace(
     ARM,
     name="arm_contact",
-    fine=40,
+    fine=20,
     window=0.2,
     duration=1.6,
     training=7,
@@ -107,7 +107,7 @@ PRESSING = replace(
 BLOCK = Rig(
     name="block",
     period=0.0025,
-    fine=40,
+    fine=20,
     coarse=2,
     channels=("camera_x", "camera_z", "camera_pitch", "imu[0]", "imu[2]"),
     noise=np.array([1e-3, 1e-3, 5e-3, 2.0, 2.0]),

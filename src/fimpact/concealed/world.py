@@ -62,7 +62,7 @@ class Played:
 def new_world(rig: Rig, errors: np.ndarray, fine: bool) -> World:
     """The rig with its unknowns off by `errors` (p,), relative or in the unit of `Unknown`.
 
-    Fine worlds step at a twentieth of the naive step with RK4, coarse ones as the naive model does.
+    Fine worlds step at a tenth of the naive step or less with RK4, coarse ones as the naive model does.
     """
     spec, steps = mujoco.MjSpec.from_string(rig.xml), rig.fine if fine else rig.coarse
     spec.option.timestep = rig.period / steps
