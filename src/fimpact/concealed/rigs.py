@@ -17,8 +17,8 @@ class Rig:
     """A rig and its instruments.
 
     period: s between samples. fine, coarse: steps per period of the truth and of its coarse copy; the naive model's
-    step is that of the copy, the truth's a tenth of it or less. channels: as in `Recording`. noise, quantum: (ny,) sd and
-    resolution of each channel. unknowns: fitted parameters. start_sd: (2 nv,) how well the start of a run is known,
+    step is that of the copy, the truth's a tenth of it or less. channels: as in `Recording`. noise, quantum: (ny,) sd
+    and resolution of each channel. unknowns: fitted parameters. start_sd: (2 nv,) how well the start of a run is known,
     inf: not at all. window: s, 0: whole runs. duration: s. training, held_out: numbers of runs.
     disturbance: (nv,) relative size of the coloured disturbance on each degree of freedom.
     """
