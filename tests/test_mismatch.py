@@ -32,7 +32,7 @@ from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.settle import restarted, settled
 from fimpact.mismatch.simulate import Hypothesis, Simulator, can_hold, may_stick
 from fimpact.mismatch.starts import noise_level
-from fimpact.mismatch.step import Search, Step, _best_begun, _rivals
+from fimpact.mismatch.step import Search, Step, _rivals
 from fimpact.mismatch.tame import WILD
 from fimpact.mismatch.weigh import both
 from fimpact.mismatch.windows import Windows, cut
@@ -357,40 +357,12 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
 
     stub("_by_gain", lambda fitted, given: [candidate(rankings[fitted])])
     stub("shortlist", lambda ranking, most: ranking)
+    stub("refit", lambda bench, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True))
     stub("disturbance", lambda *_: None)
     stub("coloured", lambda *_: "left")
-    stub(
-        "_best_begun",
-        lambda search, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True),
-    )
     monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
     search, current = Search(None, (), None, None, lambda _: None), SimpleNamespace(fitted="sensors")
     assert [r.placed[-1].name for r in _rivals(search, current, [candidate("a")], 8)] == ["a", "b", "c"]
-
-
-@pytest.mark.parametrize(("far", "speed", "refits"), [(True, 2.0, 2), (False, 1.0, 1)])
-def test_far_from_the_noise_a_shape_is_begun_at_each_probe_that_promises_as_much(monkeypatch, far, speed, refits):
-    def probe(speed, gain):
-        values = {"coulomb": 0.1, "excess": 0.1, "speed": speed}
-        return SimpleNamespace(placed=Placed(EFFECTS["stribeck"], "joint_1", values), gain=gain)
-
-    probes, asked, deviances = (
-        [probe(1.0, 100.0), probe(2.0, 97.0), probe(3.0, 50.0)],
-        [],
-        {1.0: 10.0, 2.0: 5.0, 3.0: 1.0},
-    )
-
-    def refit(bench, current, candidate):
-        asked.append(candidate)
-        speed = candidate.placed.values["speed"]
-        return SimpleNamespace(speed=speed, deviance=deviances[speed], fitted=SimpleNamespace(point=None))
-
-    stubs = {"refit": refit, "lost": lambda point: far, "_by_gain": lambda fitted, given: given}
-    for what, stub in stubs.items():
-        monkeypatch.setattr(f"fimpact.mismatch.step.{what}", stub)
-    search = Search(None, tuple(probes), None, None, print)
-    found = _best_begun(search, SimpleNamespace(fitted=None), probes[0])
-    assert found.speed == speed and len(asked) == refits
 
 
 def test_only_what_comes_near_the_likeliest_gets_numerics_of_its_own(monkeypatch):

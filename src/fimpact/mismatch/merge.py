@@ -19,12 +19,12 @@ def merged(fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
     groups: dict[tuple, list[Candidate]] = {}
     for candidate in candidates:
         if candidate.placed.effect.linear:
-            groups.setdefault(shape_of(candidate), []).append(candidate)
+            groups.setdefault(_shape(candidate), []).append(candidate)
     mixed = [_mixture(fitted, group) for group in groups.values() if len(group) > 1]
     return [candidate for candidate in mixed if candidate]
 
 
-def shape_of(candidate: Candidate) -> tuple:
+def _shape(candidate: Candidate) -> tuple:
     """Name, and the values that are no amplitudes."""
     placed = candidate.placed
     shapes = sorted((c.name, placed.values[c.name]) for c in placed.effect.coefficients if c.shape)

@@ -12,9 +12,9 @@ import numpy as np
 from fimpact.mismatch.calibrate import adjusted, background
 from fimpact.mismatch.colour import beside, coloured, disturbance
 from fimpact.mismatch.explain import Explanation, corrected, refit
-from fimpact.mismatch.fit import Fit, lost
+from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench
-from fimpact.mismatch.merge import merged, shape_of
+from fimpact.mismatch.merge import merged
 from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
@@ -30,7 +30,6 @@ PAIRS = 4  # pairs refitted of each ranking, where no single candidate is worth 
 RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
-AS_MUCH, OTHERS = 0.95, 2  # share of the best probe's gain that is about as much, and how many such are tried as well
 CLOSE = 1e-4  # weight, relative to the likeliest, above which the error of the time step could change the order
 EVEN = 0.8  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
@@ -137,22 +136,8 @@ def _refitted(
         new.setdefault(candidate.placed.name, candidate)
     for candidate in (c for n, c in new.items() if n not in known):
         search.progress(f"refitting with {candidate.placed.name}")
-        rivals = [*rivals, _best_begun(search, current, candidate)]
+        rivals = [*rivals, refit(search.bench, current, candidate)]
     return search.compared(rivals)
-
-
-def _best_begun(search: Search, current: Explanation, candidate: Candidate) -> Explanation:
-    """`current` with the effect of `candidate`; where that ends far from the noise, begun at each of its probes that
-    promise about as much, for there shapes have optima of their own, or what is fitted hardly shows them."""
-    found = refit(search.bench, current, candidate)
-    if not lost(found.fitted.point):
-        return found
-    own = [c for c in search.candidates if c.placed.name == candidate.placed.name]
-    best = {shape_of(c): c for c in reversed(_by_gain(current.fitted, own))}
-    near = [c for c in best.values() if c.gain >= AS_MUCH * max(b.gain for b in best.values())]
-    others = [c for c in near if shape_of(c) != shape_of(candidate)]
-    begun = [refit(search.bench, current, c) for c in sorted(others, key=lambda c: -c.gain)[:OTHERS]]
-    return min([found, *begun], key=lambda e: e.deviance)
 
 
 def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit, list[Candidate]]:
