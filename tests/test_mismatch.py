@@ -505,13 +505,19 @@ def test_an_effect_that_differs_from_run_to_run_has_no_name(nothing, asked):
 @pytest.mark.parametrize(
     ("like", "force"),
     [
-        ("a force on joint_2 that goes with the time since a run began", lambda own: np.sin(6 * own.time)),
+        ("a force on joint_2 that goes with the time since a run began", lambda own: np.tanh(own.time)),
         ("a force on joint_2 that goes with the commands", lambda own: own.ctrl[..., 0]),
         (
             "an effect of the command on joint_2 that goes with the time since a run began",
-            lambda own: own.ctrl[..., 1] * np.sin(6 * own.time),
+            lambda own: own.ctrl[..., 1] * np.tanh(own.time),
         ),
         ("something that swings unseen and pulls joint_2 along", lambda own: own.swing[:, :, 1, 2]),
+        ("a force for a moment, about", lambda own: np.exp(-(((own.time - 1.0) / 0.05) ** 2))),
+        ("a force on joint_2 that comes and goes every", lambda own: np.sin(20 * own.time)),
+        (
+            "an effect of the command on joint_2 that comes and goes every",
+            lambda own: own.ctrl[..., 1] * np.sin(20 * own.time),
+        ),
     ],
 )
 def test_a_force_without_a_name_is_told_by_what_it_goes_with(asked, like, force):
@@ -519,7 +525,7 @@ def test_a_force_without_a_name_is_told_by_what_it_goes_with(asked, like, force)
     size = 200 / np.linalg.norm(learned)
     found = asked.ask(size * learned, size * shown)
     assert found.p < 0.001
-    assert found.like == like
+    assert found.like.startswith(like)
 
 
 def test_held_out_windows_are_asked_as_well(asked):

@@ -6,6 +6,7 @@ from scipy.cluster.vq import kmeans2
 from fimpact.mismatch.pulses import Pulses
 
 BUMPS, SPOTS = 5, 8  # smooth curves over the range of a regressor, and over the postures that a robot took
+SPELLS, WAVES = 12, range(2, 9)  # pieces of the longest run in which a force may act alone, and periods in it
 
 
 def curves(found: Pulses) -> list[tuple[int, str, np.ndarray]]:
@@ -18,6 +19,25 @@ def curves(found: Pulses) -> list[tuple[int, str, np.ndarray]]:
         own = [*_alone(found, dof), *_driving(found, dof), *_touching(found, dof)]
         out += [(dof, "swing", shape) for shape in found.swing[:, :, dof].transpose(2, 0, 1)]
         out += [(dof, name, shape) for name, shape in own]
+    return out
+
+
+def spells(found: Pulses) -> list[tuple[float, np.ndarray]]:
+    """(s after a run began, sensitivity (w, m) to a force on one degree of freedom for a moment, alike in all runs)."""
+    length = found.time.max() * (1 + 1e-9) / SPELLS
+    now = [(k, ((found.time / length).astype(int) == k) * 1.0) for k in range(SPELLS)]
+    return [((k + 0.5) * length, found.along(dof, on)) for k, on in now for dof in range(len(found.dofs))]
+
+
+def waves(found: Pulses) -> list[tuple[int, str, float, np.ndarray]]:
+    """(degree of freedom, "wave" or "command wave", period in s, force (w, BINS)): what comes and goes, alike in all
+    runs, as a force and as a strength of the own command."""
+    longest, out = found.time.max(), []
+    shapes = [(longest / k, turn(2 * np.pi * k / longest * found.time)) for k in WAVES for turn in (np.cos, np.sin)]
+    for dof in range(len(found.dofs)):
+        driving = zip(found.ctrl.transpose(2, 0, 1), found.driven, strict=True)
+        own = [("wave", 1.0), *(("command wave", u) for u, driven in driving if driven == dof)]
+        out += [(dof, kind, period, u * wave) for kind, u in own for period, wave in shapes]
     return out
 
 

@@ -1,5 +1,6 @@
 """Nameless: is there a force, or an error of a sensor, that no effect of the catalogue gives, as a smooth curve over
-state, time, command or reading; or an effect that is there, but not alike in all runs?
+state, time, command or reading, or for a moment, or now and then; or an effect that is there, but not alike in all
+runs?
 
 All windows are asked, those held out included, but for what differs from run to run: in another regime what a relative
 of the truth had imitated shows.
@@ -13,7 +14,7 @@ from scipy.linalg import null_space
 
 from fimpact.effects.base import Effect, Placed, words
 from fimpact.mismatch.calibrate import adjusted_groups, background
-from fimpact.mismatch.curves import bumps, curves, field
+from fimpact.mismatch.curves import bumps, curves, field, spells, waves
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench
@@ -27,6 +28,7 @@ NAMELESS = Placed(
     "",
     {},
 )
+What = tuple[str | float, ...]
 WORDS = {
     "speed": "a force on {} that goes with its speed",
     "position": "a force on {} that goes with its position",
@@ -36,6 +38,9 @@ WORDS = {
     "commands": "a force on {} that goes with the commands",
     "command over position": "an effect of the command on {} that goes with its position",
     "command over time": "an effect of the command on {} that goes with the time since a run began",
+    "spell": "a force for a moment, about {:.2g} s after a run began",
+    "wave": "a force on {} that comes and goes every {:.2g} s",
+    "command wave": "an effect of the command on {} that comes and goes every {:.2g} s",
     "swing": "something that swings unseen and pulls {} along",
     "contact": "a force on {} while in contact",
     "contact over position": "a force on {} while in contact that goes with its position",
@@ -57,14 +62,14 @@ class Stranger:
 def nameless(
     bench: Bench, explanation: Explanation, fitted: Fit, found: Pulses, candidates: Sequence[Candidate]
 ) -> Stranger:
-    """Any of the `curves`, `field` and `readings` and whatever varies among the `candidates`, beside what `explanation`
-    says; p is 1 where nothing can be asked.
+    """Any of the `curves`, `waves`, `spells`, `field` and `readings` and whatever varies among the `candidates`, beside
+    what `explanation` says; p is 1 where nothing can be asked.
 
     Args:
         fitted: the explanation in all windows (`pooled`), in units in which disturbances are white. found: pulses in
             them.
     """
-    groups: dict[tuple[str, str], list[np.ndarray]] = {}
+    groups: dict[tuple[str, What], list[np.ndarray]] = {}
     for kind, what, column in _columns(bench, explanation, found):
         candidate = score(fitted, NAMELESS, column)
         if candidate.information > 0:
@@ -78,21 +83,26 @@ def nameless(
     p, gain, size = adjusted_groups(list(stacks.values()), residual, behind)
     first = np.lexsort((-size, p))[0]
     kind, what = list(stacks)[first]
-    return Stranger(float(p[first]), float(gain[first]), WORDS[kind].format(what))
+    return Stranger(float(p[first]), float(gain[first]), WORDS[kind].format(*what))
 
 
-def _columns(bench: Bench, explanation: Explanation, found: Pulses) -> Iterator[tuple[str, str, np.ndarray]]:
-    """What it goes with, a key of `WORDS`, at which joint or channel, and the sensitivity to one such curve, (w, m)."""
+def _columns(bench: Bench, explanation: Explanation, found: Pulses) -> Iterator[tuple[str, What, np.ndarray]]:
+    """What it goes with, a key of `WORDS`, what fills the gaps there, as a joint or channel, and the sensitivity to one
+    such curve, (w, m)."""
     channels = bench.training.simulator.recording.channels
     for dof, kind, curve in curves(found):
-        yield kind, found.dofs[dof], found.along(dof, curve)
+        yield kind, (found.dofs[dof],), found.along(dof, curve)
+    for dof, kind, period, curve in waves(found):
+        yield kind, (found.dofs[dof], period), found.along(dof, curve)
+    for seconds, column in spells(found):
+        yield "spell", (seconds,), column
     for column in field(found):
-        yield "field", "", column
+        yield "field", (), column
     for channel, column in readings(bench, explanation):
-        yield "reading", channels[channel], column
+        yield "reading", (channels[channel],), column
 
 
-def varying(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> dict[tuple[str, str], np.ndarray]:
+def varying(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> dict[tuple[str, What], np.ndarray]:
     """Sensitivities, (w m, runs - 1), to the differences of each effect between training runs: what is alike in all is
     none, and neither is what the coordinates do there. Training windows are the first of those of `fitted`, and
     candidates are known in them only."""
@@ -109,7 +119,7 @@ def varying(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> d
         alike = np.linalg.qr(np.column_stack([coordinates, own.ravel()]))[0]
         apart = differences(own, problem.windows.runs)
         if apart.shape[1]:
-            found["varying", words(name)] = np.pad(apart - alike @ (alike.T @ apart), [(0, rest.size), (0, 0)])
+            found["varying", (words(name),)] = np.pad(apart - alike @ (alike.T @ apart), [(0, rest.size), (0, 0)])
     return found
 
 

@@ -14,7 +14,6 @@ from fimpact.mismatch.tame import WILD
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 WILDER = 100.0  # WILD where windows are too few to know what a disturbance does
 CERTAIN = 0.01  # family-wise p at which what has no name is there, whatever is named
-UNKEPT = 0.005  # the same of a candidate at which something is missing, though no name kept its word
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
 LEFT = 0.25  # share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it
 LARGEST = 3  # effects that are added, at most
@@ -62,7 +61,7 @@ class Naming:
         what calls for a name has none that keeps its word."""
         forced = self.certain and self.left > UNNAMED
         limit = WILDER if self.few else WILD
-        called = self.dispersion > limit or (self.p <= UNKEPT and not self.few)
+        called = self.dispersion > limit or (self.p <= ALARM and not self.few)
         return "unnamed" if forced or (called and not self.best.placed) else self.best.name
 
     @property
@@ -108,7 +107,7 @@ class Naming:
         """Belief in each member of the set: the best's as often as one of its weight proved right, the others' no more
         than is left; the sum is below 1 by what has another name, or none."""
         if not self.members:
-            return {self.answer: 1.0 - ALARM}
+            return {self.answer: 1.0 - ALARM - CERTAIN}
         best, *others = self.members
         stated = (RIGHT[0] + RIGHT[1] * best.weight**SHARP) * (DOUBTED if self.beside else 1.0)
         stated *= CROWDED if len(self.members) >= CROWD else 1.0
