@@ -14,9 +14,10 @@ from fimpact.mismatch.discriminate import ENOUGH, GENERATIONS, PATIENCE, TRIED, 
 from fimpact.mismatch.explain import explain, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import base_fit, bench
-from fimpact.mismatch.problem import Linear
-from fimpact.mismatch.resolve import _anew, remaining, resolve
+from fimpact.mismatch.problem import Linear, Problem
+from fimpact.mismatch.resolve import _anew, _fitted, _may_turn, remaining, resolve
 from fimpact.mismatch.separate import MOST, _left, _moved, known, separations
+from fimpact.mismatch.settle import first_point, settled
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import members as told_apart
 from fimpact.mismatch.windows import cut
@@ -84,9 +85,9 @@ def test_a_rival_that_became_its_own_special_case_is_no_rival(recording):
 def test_a_shape_that_no_recording_showed_is_sought_where_a_screening_seeks_it(rivals, monkeypatch):
     """A displacement far from what was stated is out of reach of the tangent there."""
     made, members = rivals
-    naive, tried = (members[0].fitted, members[0].judged), []
+    tried = []
 
-    def fitted(made, naive, member):
+    def fitted(made, near, member, held):
         (values,) = member.values()
         tried.append(values["displacement"])
         placed = (Placed(EFFECTS["dahl"], "joint_2", values, {"friction": 1.0, "displacement": 1.0}),)
@@ -94,10 +95,42 @@ def test_a_shape_that_no_recording_showed_is_sought_where_a_screening_seeks_it(r
         return replace(members[0], placed=placed, fitted=replace(members[0].fitted, point=point))
 
     monkeypatch.setattr("fimpact.mismatch.resolve._refitted", fitted)
-    stated = fitted(made, naive, {"dahl@joint_2": {"friction": FRICTION, "displacement": 1e-6}})
-    found = _anew(made, naive, stated).placed[0].values["displacement"]
-    assert len(tried) == 4 and found == min(tried, key=lambda d: abs(d - 0.1)) != 1e-6
-    assert _anew(made, naive, members[0]) is members[0]  # there is no shape to seek
+    stated = fitted(made, members[0], {"dahl@joint_2": {"friction": FRICTION, "displacement": 1e-6}}, False)
+    found = _anew(made, stated).placed[0].values["displacement"]
+    assert len(tried) == 5 and found == min(tried, key=lambda d: abs(d - 0.1)) != 1e-6
+    assert _anew(made, members[0]) is members[0]  # there is no shape to seek
+
+
+SLIP = {"stribeck@joint_2": {"coulomb": FRICTION, "excess": 0.0, "speed": 0.1}}
+
+
+@pytest.mark.parametrize(("member", "turns"), [(DAHL, True), (SLIP, False), (COULOMB, False)])
+def test_a_shape_stays_as_stated_unless_moving_it_would_pay(recording, member, turns):
+    """To fit every shape again took half of the time, and most have nothing to gain."""
+    made = bench(recording)
+    (found,) = _fitted(made, made.training.simulator.theta, [member], ())
+    shapes = [c.name for p in found.placed for c in p.effect.coefficients if c.shape]
+    assert all(found.placed[0].values[name] == member[found.name][name] for name in shapes)
+    assert _may_turn(made, found) is turns
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_member_that_diverges_on_the_added_runs_is_named(recording, place):
+    members = [OFFSET, OFFSET]
+    members[place] = {"quadratic_drag@link_2": {"coefficient": -1e9}}
+    with pytest.raises(ValueError, match=r"quadratic_drag@link_2 at .* cannot be simulated on the added runs"):
+        resolve(recording, recording.held_out[:1], members)
+
+
+def test_what_is_known_of_a_point_nearby_takes_the_first_step(recording, monkeypatch):
+    made = bench(recording)
+    problem, free = made.training, coordinates(made.training.simulator)
+    point = first_point(problem, free, Hypothesis(problem.simulator.theta))
+    known, asked = problem.linearise(point, free), []
+    ask = Problem.starts_at
+    monkeypatch.setattr(Problem, "starts_at", lambda *args: asked.append(args) or ask(*args))
+    assert settled(problem, free, point, 1, known).cost < point.cost / 2
+    assert not asked
 
 
 def test_after_an_experiment_a_name_remains_that_is_a_twentieth_as_likely(rivals):

@@ -71,10 +71,9 @@ class Linear:
         raw = np.concatenate([self.raw, columns], 2)
         return replace(self, raw=raw, projected=self.off(raw))
 
-    def alone(self) -> "Linear":
-        """Without coordinates: the initial states only."""
-        nothing = self.raw[:, :, :0]
-        return replace(self, raw=nothing, projected=nothing)
+    def alone(self, first: int = 0) -> "Linear":
+        """The initial states and the `first` coordinates only."""
+        return replace(self, raw=self.raw[:, :, :first], projected=self.projected[:, :, :first])
 
 
 class Problem:

@@ -7,82 +7,79 @@ import numpy as np
 
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
-from fimpact.mismatch.coordinates import coordinates
+from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.explain import Explanation, beside, corrected, explain, shapes_of, sizes_of
-from fimpact.mismatch.fit import Fit, fit, lost
+from fimpact.mismatch.fit import fit, lost
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
-from fimpact.mismatch.price import schwarz
+from fimpact.mismatch.price import STATED, schwarz
 from fimpact.mismatch.problem import Point, Problem
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales
-from fimpact.mismatch.score import proposals
-from fimpact.mismatch.settle import settled
+from fimpact.mismatch.score import proposals, score
+from fimpact.mismatch.settle import first_point, settled
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import members as untold
 from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
+TURNING = 0.5  # share of what it costs that data choose a shape which one step must promise to gain
 PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
-CLOSE = 1e-4  # weight, relative to the likeliest, that is worth numerics of its own, where several names have it
+CLOSE = 1 / 500  # weight, relative to the likeliest, that is worth numerics of its own, where several names have it
 # Weight, relative to the likeliest, of a name that remains, and of one that says the same with more coefficients: an
 # experiment asks which, not whether.
 REMAINING, MORE = 1 / 20, 1 / 10
 
 
-Begin = tuple[np.ndarray, np.ndarray]  # unknowns, (p,): of the naive fit, and of the members
-
-
-def stated(recording: Recording, diagnosis: dict) -> Begin:
-    """Where a `diagnosis` in plain types says that the unknowns are, naively and beside its best name."""
-    rows = diagnosis["parameters"][: len(recording.unknowns)]
-    return np.array([row["naive"] for row in rows]), np.array([row["after"] for row in rows])
+def stated(recording: Recording, diagnosis: dict) -> np.ndarray:
+    """Where a `diagnosis` in plain types says that the unknowns are, (p,), beside its best name."""
+    return np.array([row["after"] for row in diagnosis["parameters"][: len(recording.unknowns)]])
 
 
 def resolve(
-    recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]], begin: Begin | None = None
+    recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]], begin: np.ndarray | None = None
 ) -> list[Explanation]:
     """Members refitted to the recording with the runs `added` to its training runs, in falling order of weight.
 
-    Windows of the added runs that no member follows are left out: where a motion amplifies whatever is not known, it
-    says nothing of any member, but it spoils all the fits.
+    The first is fitted from what was measured, and the others from there: they are alike. Windows of the added runs
+    that no member follows are left out: where a motion amplifies whatever is not known, it says nothing of any member,
+    but it spoils all the fits.
 
     Args:
-        members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them.
-        begin: where fits begin (`stated`); None: as the model has it.
+        members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them, the likeliest first.
+        begin: unknowns where fits begin (`stated`); None: as the model has them.
     """
     added = [replace(run, held_out=False) for run in added]
-    made, naive, rivals, begun = _followed(recording, added, members, begin)
+    made, rivals, begun = _followed(recording, added, members, begin)
     far: Collection[int] | None = ()  # that an experiment's windows stray is no reason for long steps
     if all(lost(rival.fitted.point) for rival in rivals):
         far = None
-        naive, rivals = _fitted(made, [e.point.hypothesis.theta for e in (naive[0], rivals[0].fitted)], begun, far)
-    shaped = [member for member, rival in zip(members, rivals, strict=True) if shapes_of(rival.placed)]
-    stated = [_refitted(made, naive, member, far, held=True) for member in shaped]
-    return _priced(_compared(made, naive, rivals + stated))
+        rivals = _fitted(made, rivals[0].fitted.point.hypothesis.theta, begun, far)
+    freed = [_refitted(made, rival, _values(rival), far, held=False) for rival in rivals if _may_turn(made, rival)]
+    return _priced(_compared(made, rivals + freed))
 
 
-def _followed(recording: Recording, added: list[Run], members: Sequence[dict], begin: Begin | None) -> tuple:
-    """The bench without the windows of the `added` runs that no member follows, the naive model's fits and the members'
-    on it, and the values from which those began."""
+def _followed(recording: Recording, added: list[Run], members: Sequence[dict], begin: np.ndarray | None) -> tuple:
+    """The bench without the windows of the `added` runs that no member follows, the members' fits on it, and the values
+    from which those began."""
     begun = members
     for attempt in range(PASSES + 1):
         made = bench(replace(recording, runs=(*recording.training, *added, *recording.held_out)))
         new = made.training.windows.runs >= len(recording.training)
-        naive, rivals = _fitted(made, begin or (made.training.simulator.theta,) * 2, begun, ())
-        begin = naive[0].point.hypothesis.theta, rivals[0].fitted.point.hypothesis.theta
+        rivals = _fitted(made, made.training.simulator.theta if begin is None else begin, begun, ())
+        begin = rivals[0].fitted.point.hypothesis.theta
         if not attempt and _stray(made, rivals, new).any():
-            rivals = [_anew(made, naive, rival) for rival in rivals]
-            begun = [{p.name: p.values for p in rival.placed} for rival in rivals]
+            rivals = [_anew(made, rival) for rival in rivals]
+            begun = list(map(_values, rivals))
         strays = _stray(made, rivals, new)
         if attempt == PASSES or not strays.any():
             break
         added = _left_out(made, added, strays)
-    return made, naive, rivals, begun
+    return made, rivals, begun
 
 
-def _compared(made: Bench, naive: tuple[Fit, Fit], rivals: list[Explanation]) -> list[Explanation]:
+def _compared(made: Bench, rivals: list[Explanation]) -> list[Explanation]:
     """`rivals` by weight, those of several names that come near the likeliest with numerics of their own."""
-    found = pulses(made.training, naive[0]), pulses(made.held_out, naive[1])
+    found = pulses(made.training, rivals[0].fitted), pulses(made.held_out, rivals[0].judged)
     ranked = weigh(made, *found, rivals)
     near = [r for r in ranked if r.weight >= CLOSE * ranked[0].weight]
     if len({r.name for r in near}) == 1:
@@ -95,21 +92,48 @@ def remaining(ranked: list[Explanation]) -> list[str]:
     return [member.name for member in untold(ranked[0], ranked[1:], REMAINING, MORE)]
 
 
-def _fitted(made: Bench, begin: Begin, members: Sequence[dict[str, dict]], far: Collection[int] | None) -> tuple:
-    """The naive model's fits, in training and held-out windows, and the members'."""
-    naive = base_fit(made, coordinates(made.training.simulator), Hypothesis(begin[0]), far)
-    return naive, [_refitted(made, naive, member, far, theta=begin[1]) for member in members]
+def _fitted(
+    made: Bench, theta: np.ndarray, members: Sequence[dict[str, dict]], far: Collection[int] | None
+) -> list[Explanation]:
+    """The members' fits: the first from the unknowns `theta`, with numerics measured there, the others beside it."""
+    problem = made.training
+    bare = first_point(problem, coordinates(problem.simulator), Hypothesis(theta))
+    placed = _placed(members[0], problem, scales(problem, bare))
+    free = _free(problem, placed, held=True)
+    _check(first_point(problem, free, Hypothesis(theta, placed)), members[0])
+    first = explain(*base_fit(made, free, Hypothesis(theta, placed), far))
+    return [first, *(_refitted(made, first, member, far) for member in members[1:])]
 
 
-def _anew(made: Bench, naive, rival: Explanation) -> Explanation:
-    """`rival`, or what its shapes come to from where a screening begins them, if that fits better: what no recording
-    showed of a shape may be far from what was stated."""
-    found, own = [rival], {p.name: p.values for p in rival.placed}
+def _may_turn(made: Bench, rival: Explanation) -> bool:
+    """Whether the shapes of `rival`, which are as stated, could gain what it costs that the data choose them, by their
+    score."""
+    fitted, shapes, free = rival.fitted, shapes_of(rival.placed), _free(made.training, rival.placed)
+    shapes = [value for value in shapes if value not in fitted.coordinates.values]
+    if not shapes:
+        return False
+    point, which = fitted.point, [free.unknowns + free.values.index(value) for value in shapes]
+    base = made.training.predict(point.hypothesis, point.qpos, point.qvel)
+    columns = made.training.columns(point, free, which, base, fitted.linear)
+    scores = [score(fitted, rival.placed[i], columns[..., k]) for k, (i, _) in enumerate(shapes)]
+    gain = sum(s.z**2 for s in scores if s.information > 0)
+    return gain > TURNING * len(shapes) * (schwarz(rival.parts) - STATED)
+
+
+def _anew(made: Bench, rival: Explanation) -> Explanation:
+    """`rival`, or what its shapes come to from there or from where a screening begins them, if that fits better: what
+    no recording showed of a shape may be far from what was stated."""
+    found, own = [rival], _values(rival)
     for i, name in shapes_of(rival.placed):
         placed = rival.placed[i]
-        for value in _probed(made.training, naive[0].point, placed, name) - {placed.values[name]}:
-            found.append(_refitted(made, naive, own | {placed.name: placed.values | {name: value}}))
+        for value in sorted({placed.values[name]} | _probed(made.training, rival.fitted.point, placed, name)):
+            begun = own | {placed.name: placed.values | {name: value}}
+            found.append(_refitted(made, rival, begun, held=False))
     return min(found, key=lambda r: r.fitted.point.cost)
+
+
+def _values(rival: Explanation) -> dict[str, dict]:
+    return {placed.name: placed.values for placed in rival.placed}
 
 
 def _probed(problem: Problem, point: Point, placed: Placed, name: str) -> set[float]:
@@ -158,24 +182,31 @@ def _left_out(made: Bench, added: list[Run], strays: np.ndarray) -> list[Run]:
 
 def _refitted(
     made: Bench,
-    naive,
+    near: Explanation,
     member: dict[str, dict],
     far: Collection[int] | None = (),
-    held: bool = False,
-    theta: np.ndarray | None = None,
+    held: bool = True,
 ) -> Explanation:
-    """`member` fitted, from the unknowns `theta` or those of the naive fit; held: its shapes stay as stated."""
-    problem, point = made.training, naive[0].point
+    """`member` fitted, from the unknowns and initial states of `near`; held: its shapes stay as stated."""
+    problem, point = made.training, near.fitted.point
     placed = _placed(member, problem, scales(problem, point))
-    free = coordinates(problem.simulator, placed, tuple(map(sizes_of, placed)))
-    free = free.without(shapes_of(placed)) if held else free
-    theta = point.hypothesis.theta if theta is None else theta
-    start = problem.evaluate(Hypothesis(theta, placed), point.qpos, point.qvel, free)
+    free = _free(problem, placed, held)
+    start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
+    _check(start, member)
+    shared = replace(near.fitted, linear=near.fitted.linear.alone(free.unknowns))
+    start = settled(problem, free, start, known=shared.linear)
+    fitted = fit(problem, free, start, 12, beside(problem, shared, start, free), far=far)
+    return explain(fitted, settle(made.held_out, fitted.point.hypothesis, near.judged.point))
+
+
+def _check(start: Point, member: dict[str, dict]) -> None:
     if not np.isfinite(start.cost):
         raise ValueError(f"{'+'.join(member)} at {member} cannot be simulated on the added runs")
-    start = settled(problem, free, start)
-    fitted = fit(problem, free, start, 12, beside(problem, naive[0], start, free), far=far)
-    return explain(fitted, settle(made.held_out, fitted.point.hypothesis, naive[1].point))
+
+
+def _free(problem: Problem, placed: tuple[Placed, ...], held: bool = False) -> Coordinates:
+    free = coordinates(problem.simulator, placed, tuple(map(sizes_of, placed)))
+    return free.without(shapes_of(placed)) if held else free
 
 
 def _placed(member: dict[str, dict], problem: Problem, found: Scales) -> tuple[Placed, ...]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.mismatch.coordinates import Coordinates
-from fimpact.mismatch.problem import Point, Problem, difference, shift
+from fimpact.mismatch.problem import Linear, Point, Problem, difference, shift
 from fimpact.mismatch.simulate import DIVERGED, Hypothesis, may_stick
 
 DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
@@ -20,14 +20,21 @@ def first_point(problem: Problem, coordinates: Coordinates, hypothesis: Hypothes
     return problem.evaluate(hypothesis, *problem.starts, coordinates)
 
 
-def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations: int = 6) -> Point:
+def settled(
+    problem: Problem, coordinates: Coordinates, point: Point, iterations: int = 6, known: Linear | None = None
+) -> Point:
     """The initial states alone, each window with a damping of its own: a window that meets a contact must not hold
-    back those that do not. A window with no more to gain than a thousandth of its cost is done."""
+    back those that do not. A window with no more to gain than a thousandth of its cost is done.
+
+    Args:
+        known: sensitivities of a point nearby, for the first step.
+    """
     going, damping = np.arange(len(point.qpos)), np.full(len(point.qpos), FIRST)
     states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
-    for _ in range(iterations):
+    for iteration in range(iterations):
         part, own = problem.part(going), replace(point, **{name: rows[going] for name, rows in states.items()})
-        step, gain = _start_step(part, own, damping[going])
+        slopes = (known.basis, known.triangle) if known and iteration == 0 else part.starts_at(own)
+        step, gain = _start_step(own, slopes, damping[going])
         before = own.squares
         moving = gain >= THOUSANDTH * before
         if not moving.any():
@@ -41,9 +48,9 @@ def settled(problem: Problem, coordinates: Coordinates, point: Point, iterations
     return problem.evaluate(point.hypothesis, states["qpos"], states["qvel"], coordinates)
 
 
-def _start_step(problem: Problem, point: Point, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Step of each window's initial state, (w, nx), and what it promises, (w,)."""
-    basis, triangle = problem.starts_at(point)
+def _start_step(point: Point, slopes: tuple, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Step of each window's initial state, (w, nx), and what it promises, (w,); slopes: `Problem.starts_at`."""
+    basis, triangle = slopes
     gram = triangle.transpose(0, 2, 1) @ triangle
     along = np.einsum("wji,wj->wi", triangle, np.einsum("wmx,wm->wx", basis, point.residual))
     loaded = gram + damping[:, None, None] * gram * np.eye(gram.shape[1])
