@@ -28,7 +28,7 @@ NAMELESS = Placed(
     "",
     {},
 )
-What = tuple[str | float, ...]
+What = tuple[str | float, ...]  # what fills the gaps of one of these: a joint, a channel, an effect, seconds
 WORDS = {
     "speed": "a force on {} that goes with its speed",
     "position": "a force on {} that goes with its position",
