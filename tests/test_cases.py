@@ -20,6 +20,7 @@ from fimpact.cases import CaseError, inputs, read_case
 from fimpact.cases.timebase import Series, held, on_grid
 from fimpact.cases.units import factor
 from fimpact.cli import main
+from fimpact.mismatch.starts import noise_level
 
 ROOT = Path(__file__).parents[1]
 RECORDINGS = ROOT.parent / "shared" / "recordings"
@@ -78,10 +79,15 @@ def write_csv(path: Path, columns: dict) -> None:
 
 
 def write_case(folder: Path, case: dict) -> Path:
-    """Write the case, and its model and data where they are not there yet."""
-    (folder / "arm.xml").write_text(MODEL, encoding="utf-8")
+    """Write the case of the arm, its model and its data."""
     for name, seed in (("a.csv", 1), ("b.csv", 2)):
         write_csv(folder / name, motion(seed))
+    return write_case_of(folder, case, MODEL)
+
+
+def write_case_of(folder: Path, case: dict, model: str) -> Path:
+    """Write the case and its model."""
+    (folder / "arm.xml").write_text(model, encoding="utf-8")
     path = folder / "case.yaml"
     path.write_text(yaml.safe_dump(case, allow_unicode=True, sort_keys=False), encoding="utf-8")
     return path
@@ -171,6 +177,12 @@ CASES = {  # keys of the case that are replaced -> what the line must say
     "unknown key": (altered(colour="red"), "colour is not a key"),
     "missing key": (altered(measurements=None), "measurements"),
     "wrong type": (altered(window="long"), "window is 'long'"),
+    "window within a sample": (altered(window=0.001), "less than 8 samples"),
+    "mass of what has none": (altered(unknowns=[{"field": "mass", "site": "world"}]), "'world' has no mass"),
+    "a bracket in a name": (
+        altered(measurements=lambda m: m | {"elbow [deg]": m["elbow"] | {"joint": "elbow"}}),
+        "in its name; rename it",
+    ),
     "too few windows": (altered(windows=3), "windows is 3; it must be a whole number, at least 20"),
     "scientific text": (altered(rate="1e2"), "write 100.0"),
     "not finite": (altered(window=float("inf")), "finite"),
@@ -233,6 +245,11 @@ MODELS = {
     "include that is not there": ('<mujoco><include file="none.xml"/></mujoco>', "does not exist"),
     "entities": ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco/>', "declares entities"),
     "not XML": ("<mujoco>", "is not XML"),
+    "a URDF": ('<robot name="arm"><link name="upper"/></robot>', "is a URDF"),
+    "an actuator with a state": (
+        MODEL.replace('motor name="elbow"', 'general dyntype="filter" dynprm="0.05" name="elbow"'),
+        "'elbow' has a state of its own",
+    ),
     "not MJCF": ("<mujoco><robot/></mujoco>", "does not compile"),
     "a separator in a name": (MODEL.replace('"upper"', '"up|per"'), "rename it"),
 }
@@ -433,6 +450,59 @@ def test_gaps_slower_channels_and_jitter_are_normal(tmp_path):
     rows = np.flatnonzero(known[:, 0])
     shifted = np.interp(jitter[0] + recording.period * rows, m["t"], m["q1"])
     np.testing.assert_allclose(run.measured[rows, 0], shifted, atol=0.02)
+
+
+def test_a_date_or_a_clock_beside_the_columns_is_no_matter(tmp_path):
+    path = write_case(tmp_path, CASE)
+    expected = read_case(path)
+    write_csv(tmp_path / "a.csv", {"date": ["2024-05-01"] * 751, "clock": ["14:03:22"] * 751} | motion(1))
+    np.testing.assert_equal(read_case(path).runs[0].measured, expected.runs[0].measured)
+
+
+def test_the_noise_of_a_slower_sensor_comes_from_its_own_samples(tmp_path):
+    path, rng = write_case(tmp_path, CASE), np.random.default_rng(0)
+    for name, seed in (("a.csv", 1), ("b.csv", 2)):
+        read = motion(seed)["v2"] + 0.01 * rng.standard_normal(751)
+        write_csv(tmp_path / name, motion(seed) | {"v2": [v if k % 2 == 0 else None for k, v in enumerate(read)]})
+    assert noise_level(read_case(path))[2] == pytest.approx(0.01, rel=0.2)
+
+
+def test_a_channel_without_any_noise_asks_for_it(tmp_path):
+    path = write_case(tmp_path, altered(accept=["constant"]))
+    for name, columns in column("q1", lambda q: 0 * q + 0.3).items():
+        write_csv(tmp_path / name, columns)
+    with pytest.raises(ValueError, match="declare its `noise`"):
+        noise_level(read_case(path))
+
+
+TOSS = """<mujoco><worldbody><body name="cube"><freejoint/><geom size="0.05" mass="0.3"/></body></worldbody></mujoco>"""
+
+
+def test_an_unnamed_free_joint_and_quaternions_of_either_sign_work(tmp_path):
+    time = 0.01 * np.arange(60)
+    spin = np.column_stack([np.cos(4 * time), 0 * time, np.sin(4 * time), 0 * time])
+    flipped = spin * np.where(np.arange(60) % 7 < 4, -1.0, 1.0)[:, None]
+    late = time + np.where(np.arange(60) % 2, 0.002, 0.0)
+    for name, drop in (("a.csv", 4.9), ("b.csv", 4.8)):
+        place = {"x": time, "y": 0 * time, "z": 1 - drop * time**2}
+        write_csv(tmp_path / name, {"t": late} | place | dict(zip("abcd", flipped.T, strict=True)))
+    body = {"body": "cube", "unit": "m", "quantity": "position", "columns": ["x", "y", "z"]}
+    turn = {"body": "cube", "unit": "1", "quantity": "orientation", "columns": list("abcd")}
+    case = altered(commands={}, measurements={"place": body, "turn": turn}, unknowns=[], window=0)
+    path = write_case_of(tmp_path, case, TOSS)
+    run = read_case(path).runs[0]
+    assert np.nanmin(np.sum(run.measured[1:, 3:] * run.measured[:-1, 3:], 1)) > 0.99
+    assert run.qpos[3:] @ run.measured[0, 3:] > 0.99
+
+
+def test_an_orientation_has_the_sign_that_the_model_reads(tmp_path):
+    turn = {"body": "lower", "unit": "1", "quantity": "orientation", "columns": list("abcd")}
+    path = write_case(tmp_path, altered(measurements=lambda m: m | {"turn": turn}))
+    for name, seed in (("a.csv", 1), ("b.csv", 2)):
+        half = (motion(seed)["q1"] + motion(seed)["q2"]) / 2
+        read = {"a": -np.cos(half), "b": 0 * half, "c": np.sin(half), "d": 0 * half}
+        write_csv(tmp_path / name, motion(seed) | read)
+    assert read_case(path).runs[0].measured[0, 3:] == pytest.approx([1, 0, 0, 0], abs=1e-9)
 
 
 def test_a_long_gap_in_the_commands_cuts_the_run(tmp_path):

@@ -185,3 +185,7 @@ def test_inputs_are_named_by_their_hash(tmp_path):
     found = describe_inputs([tmp_path / "log.csv"])
     assert found["inputs"]["log.csv"].startswith("e3b0c44298fc1c14")
     assert set(found["versions"]) >= {"python", "mujoco", "numpy", "fimpact"}
+    (tmp_path / "later").mkdir()
+    (tmp_path / "later" / "log.csv").write_bytes(b"1")
+    found = describe_inputs([tmp_path / "log.csv", tmp_path / "later" / "log.csv"])
+    assert len(set(found["inputs"].values())) == 2

@@ -1,6 +1,7 @@
 """The command that says which name is left: it needs an earlier diagnosis, the same files and a new run."""
 
 import json
+import shutil
 
 import pytest
 import yaml
@@ -69,6 +70,13 @@ def test_the_name_that_the_further_run_bears_out_is_left(asked):
 def test_what_cannot_be_resolved_is_said_in_a_line(asked, spoiled, complaint):
     code, said, error = asked(**spoiled)
     assert code == 2 and not said and complaint in error.splitlines()[-1]
+
+
+def test_a_new_log_may_have_the_name_of_an_old_one(asked, folder):
+    (folder / "later").mkdir(exist_ok=True)
+    shutil.copy(folder / "d.csv", folder / "later" / "a.csv")
+    code, said, _ = asked(runs=({"file": "later/a.csv", "name": "e"},))
+    assert code == 0 and said.splitlines()[-1] == "Left: coulomb at pivot."
 
 
 def test_a_run_that_was_diagnosed_must_stay(asked, folder, capsys):

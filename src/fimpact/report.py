@@ -43,7 +43,12 @@ SEEDS = {"joint draws of scores": 0, "bootstrap": 0}
 
 def describe_inputs(paths: Iterable[Path | str]) -> dict[str, Any]:
     """Provenance of a diagnosis: sha256 of its input files, versions and seeds."""
-    hashes = {Path(path).name: hashlib.sha256(Path(path).read_bytes()).hexdigest() for path in paths}
+    files = list(dict.fromkeys(Path(path) for path in paths))
+    names = [path.name for path in files]
+    hashes = {  # by name, and where several have one, by path
+        path.name if names.count(path.name) == 1 else path.as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in files
+    }
     return {"inputs": hashes, "versions": _versions(), "seeds": SEEDS}
 
 
@@ -78,10 +83,17 @@ def write_report(
 
 
 def check_folder(folder: Path) -> None:
-    """FileExistsError if `folder` holds files that are no part of a report."""
+    """Whether a report may be written to `folder`, which need not exist yet.
+
+    Raises:
+        FileExistsError: it holds files that are no part of a report. PermissionError: nothing can be written there.
+    """
     strange = sorted(p.name for p in folder.iterdir() if p.name not in OURS) if folder.is_dir() else []
     if strange or folder.is_file():
         raise FileExistsError(f"{folder} holds {strange or 'a file'}, no report of ours; choose another folder")
+    above = next(parent for parent in folder.absolute().parents if parent.exists())
+    if folder.is_mount() or not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
+        raise PermissionError(f"{folder} cannot be written or replaced; choose another folder with --out")
 
 
 def _swap(building: Path, folder: Path) -> None:

@@ -62,9 +62,10 @@ def _earlier(path: Path, case: Path | str) -> dict[str, Any]:
 
 
 def _check_inputs(before: dict[str, str], files: list[Path], case: Path | str) -> None:
-    """Whether what was diagnosed is still what the case names."""
+    """Whether what was diagnosed is still what the case names: new files may stand beside it."""
     now = describe_inputs(files)["inputs"]
-    changed = sorted(name for name, digest in now.items() if before.get(name, digest) != digest)
+    names = {Path(name).name for name in now} - {Path(case).name}  # the case itself has a run more
+    changed = sorted(name for name, told in before.items() if Path(name).name in names and told not in now.values())
     if changed:
         raise CaseError(f"{changed[0]} is not the file that was diagnosed; run `fimpact diagnose {case}` again")
 

@@ -13,7 +13,7 @@ from fimpact.cases.checks import check_recording, check_sources
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
 from fimpact.cases.model import Naive, compiled, read_model
-from fimpact.cases.runs import Sampled, file_paths, filtered_noise, held_commands, pieces, sample, sources
+from fimpact.cases.runs import Sampled, continuing, file_paths, filtered_noise, held_commands, pieces, sample, sources
 from fimpact.cases.units import factor
 from fimpact.recordings import FIELDS, Recording, Run, Unknown
 
@@ -118,6 +118,7 @@ def _runs(sampled: Sampled, model: mujoco.MjModel, seen, drives, period: float, 
     for name, low, count, measured in pieces(sampled, period):
         measured = _unit_quaternions(measured, seen, sampled.source.where)
         ctrl = held_commands(sampled, drives, low, period, count)
+        measured = starts.as_model(model, seen, measured, period, state)
         qpos, qvel = starts.believed(model, seen, measured, period, state)
         yield Run(name, ctrl, measured, sampled.source.held_out, qpos, qvel)
 
@@ -128,7 +129,7 @@ def _unit_quaternions(measured: np.ndarray, seen: list[Channel], where: str) -> 
     for channel in seen:
         place = slice(column, column + len(channel.columns))
         column = place.stop
-        if channel.type in (kinds.FRAMEQUAT, kinds.BALLQUAT):
+        if channel.type in kinds.QUATERNIONS:
             out[:, place] = _continuous(out[:, place], f"{where}, '{channel.sensor}'")
     return out
 
@@ -139,10 +140,8 @@ def _continuous(quats: np.ndarray, where: str) -> np.ndarray:
     if np.any(np.abs(np.median(length) - 1) > 0.02):
         raise CaseError(f"{where}: quaternions have length {np.median(length):.4g}, not 1; list the columns w, x, y, z")
     unit = quats[known] / np.maximum(length, 1e-9)[:, None]
-    flips = np.sum(unit[1:] * unit[:-1], axis=1) < 0
-    signs = np.concatenate([[1.0], np.cumprod(np.where(flips, -1.0, 1.0))])
     out = quats.copy()
-    out[known] = unit * signs[: len(unit), None]
+    out[known] = unit * continuing(unit)[:, None]
     return out
 
 
@@ -153,11 +152,13 @@ def _unknowns(naive: Naive, table: list[dict]) -> tuple[Unknown, ...]:
         if one.field not in FIELDS:
             raise CaseError(f"{where}.field '{one.field}' does not exist; {listed(FIELDS, one.field)}; correct it")
         try:
-            FIELDS[one.field][2][0](naive.model, one.site)
+            value = FIELDS[one.field][2][0](naive.model, one.site)
         except (KeyError, IndexError, AttributeError) as error:
             raise CaseError(
                 f"{where}: {one.field} has no site '{one.site}' ({_short(error)}); correct `site`"
             ) from None
+        if one.field in ("mass", "inertia") and value <= 0:
+            raise CaseError(f"{where}: '{one.site}' has no mass; allowed: bodies that have; correct `site`")
         if one.name in [other.name for other in out[:index]]:
             raise CaseError(f"{where}: {one.name} is there twice; remove one of them")
     return out

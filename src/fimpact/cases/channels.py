@@ -8,7 +8,7 @@ import numpy as np
 
 from fimpact.cases import kinds
 from fimpact.cases.errors import CaseError, listed, one_of
-from fimpact.cases.model import Naive, body_element, joint_of
+from fimpact.cases.model import FORBIDDEN, Naive, body_element, joint_of
 from fimpact.cases.units import factor, same_dimension
 
 UNITS = {
@@ -86,6 +86,8 @@ def place_sensors(naive: Naive, measurements: dict) -> None:
     block = ElementTree.SubElement(naive.tree, "sensor")
     for key, entry in measurements.items():
         where, described = f"measurements.{key}", [kind for kind in ("joint", "body", "site") if kind in entry]
+        if set(key) & set(f"{FORBIDDEN}[]"):
+            raise CaseError(f"{where} has one of {' '.join(f'{FORBIDDEN}[]')} in its name; rename it")
         if key in naive.names("sensor"):
             if described or "quantity" in entry:
                 raise CaseError(
@@ -190,6 +192,12 @@ def commands(naive: Naive, table: dict) -> list[Command]:
         one_of(names, key, "actuator", f"commands.{key}")
     if len(names) < naive.model.nu:
         raise CaseError(f"MJCF {naive.path} has an actuator without a name; name every actuator")
+    with_state = [name for name, states in zip(names, naive.model.actuator_actnum, strict=True) if states]
+    if with_state:
+        raise CaseError(
+            f"MJCF {naive.path}: actuator '{with_state[0]}' has a state of its own (dyntype or timeconst), which no "
+            "log shows; allowed: actuators without; leave it out: lags and delays are among what is looked for"
+        )
     lacking = [name for name in names if name not in table]
     if lacking:
         raise CaseError(

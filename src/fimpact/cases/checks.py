@@ -68,6 +68,11 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
         for doubt, complaint in check(recording, model, seen):
             if doubt not in accept:
                 raise CaseError(f"{complaint}; if it is meant, write `accept: [{doubt}]`")
+    if recording.window and round(recording.window / recording.period) < FEWEST:
+        raise CaseError(
+            f"window is {recording.window:g} s, less than {FEWEST} samples of {recording.period:.6g} s; "
+            "allowed: longer ones, or 0 for whole runs; make it longer"
+        )
 
 
 def _lengths(recording: Recording) -> Iterator[str]:

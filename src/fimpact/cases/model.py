@@ -38,8 +38,15 @@ def read_model(path: Path) -> Naive:
             tables cannot hold.
     """
     tree = _parsed(path, path)
+    if tree.tag != "mujoco":
+        what = "a URDF" if tree.tag == "robot" else f"<{tree.tag}>"
+        raise CaseError(
+            f"MJCF {path} is {what}; allowed: <mujoco>; convert it with mujoco.MjSpec.from_file and to_xml, and add "
+            "the actuators"
+        )
     _include(tree, path, (path.resolve(),))
     _absolute_assets(tree, path.resolve().parent)
+    _name_free_joints(tree)
     naive = Naive(path, tree, compiled(tree, path))
     for kind in NAMED:
         for name in naive.names(kind):
@@ -97,11 +104,21 @@ def _absolute_assets(tree: ElementTree.Element, folder: Path) -> None:
     # A recording is compiled from a string, which has no folder to look for meshes in.
     if not any(asset.get("file") for asset in tree.iter() if asset.tag != "include"):
         return
-    compiler = tree.find("compiler")
-    given = dict(compiler.attrib) if compiler is not None else {}
+    given = {key: value for compiler in tree.iter("compiler") for key, value in compiler.attrib.items()}
     both = given.get("assetdir", ".")
     dirs = {key: str(folder / given.get(key, both)) for key in ("meshdir", "texturedir")}
     ElementTree.SubElement(tree, "compiler", dirs)
+
+
+def _name_free_joints(tree: ElementTree.Element) -> None:
+    # Which body is free needs no name in an MJCF; starts, states and effects are told apart by the joint's.
+    taken = {joint.get("name") for tag in ("joint", "freejoint") for joint in tree.iter(tag)}
+    for body in tree.iter("body"):
+        name = f"{body.get('name', '')} free"
+        for joint in body:
+            free = joint.tag == "freejoint" or (joint.tag == "joint" and joint.get("type") == "free")
+            if free and not joint.get("name") and name not in taken:
+                joint.set("name", name)
 
 
 def joint_of(naive: Naive, name: str, where: str) -> tuple[str, int]:

@@ -116,6 +116,7 @@ def _plain(values) -> tuple[np.ndarray, np.ndarray]:
         return np.where(absent, np.nan, exact(np.asarray(values.fill_null(0)))), absent
     if pa.types.is_string(values.type) or pa.types.is_large_string(values.type) or pa.types.is_dictionary(values.type):
         return np.array([str(value) for value in values.to_pylist()]), absent
-    if pa.types.is_nested(values.type) or pa.types.is_binary(values.type):
+    others = pa.types.is_nested, pa.types.is_binary, pa.types.is_date, pa.types.is_time, pa.types.is_duration
+    if any(other(values.type) for other in others):
         return np.full(len(values), "(not a number)"), absent
     return np.asarray(values.cast(pa.float64()).fill_null(np.nan), dtype=float), absent

@@ -44,6 +44,33 @@ def believed(model, channels: list[Channel], measured: np.ndarray, period: float
     hinges = all(model.jnt_type[j] in (kinds.SLIDE, kinds.HINGE) for j in range(model.njnt))
     if not start and hinges and len(columns) == model.njnt:
         return None, None
+    return _state(model, columns, measured, period, start)
+
+
+def as_model(model, channels: list[Channel], measured: np.ndarray, period: float, start: dict) -> np.ndarray:
+    """`measured` (T, ny) with every quaternion of the sign that the model's sensor has at the start: q and -q are one
+    rotation, but their difference is not 0."""
+    out, column, data = measured.copy(), 0, None
+    for channel in channels:
+        place = slice(column, column + len(channel.columns))
+        column = place.stop
+        rows = np.flatnonzero(np.isfinite(measured[:, place]).all(axis=1))[:1]
+        if channel.type in kinds.QUATERNIONS and len(rows):
+            data = data or _placed(model, *_state(model, position_columns(model, channels), measured, period, start))
+            said = data.sensor(channel.sensor).data
+            out[:, place] *= -1.0 if measured[rows[0], place] @ said < 0 else 1.0
+    return out
+
+
+def _placed(model, qpos: np.ndarray, qvel: np.ndarray) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def _state(model, columns: dict[str, list[int]], measured: np.ndarray, period: float, start: dict):
+    """qpos (nq,) and qvel (nv,): what is given, else what is measured, else those of the MJCF."""
     qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
     for joint, place in columns.items():
         q, v = model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]

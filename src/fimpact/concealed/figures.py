@@ -19,7 +19,7 @@ ERRORS = {  # column -> label, colour, marker; from the naive model to what nois
     "heldout_before": ("naive model, fitted", MUTED, "s"),
     "heldout_sysid_five": ("mujoco.sysid, best of five", OTHERS, "v"),
     "heldout_blackbox": ("black-box residual", "#CC79A7", "D"),
-    "heldout_refit_all": ("refit everything, BIC", "#56B4E9", "^"),
+    "heldout_refit_all": ("refit every candidate, BIC", "#56B4E9", "^"),
     "heldout_after": ("fimpact", OURS, "o"),
     "heldout_oracle": ("oracle", "#009E73", "P"),
     "noise_floor": ("noise floor", "black", "|"),

@@ -91,7 +91,7 @@ def limits(bench: Bench, recording: Recording) -> Limits:
     """Smallest and largest command of each actuator and state at a run's start, over the training runs."""
     problem = bench.training
     ctrl = np.concatenate([run.ctrl for run in recording.training])
-    begins = problem.windows.first == 0
+    begins = problem.windows.first == problem.windows.first.min()  # 0, where something is measured from the start on
     start = np.concatenate([part[begins] for part in problem.starts], 1)
     none, all_ = np.zeros(ctrl.shape[1] + 1), np.ones(ctrl.shape[1] + 1)
     low = np.concatenate([np.tile(ctrl.min(0), KNOTS), [ABRUPT], none, start.min(0)])

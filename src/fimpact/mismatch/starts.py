@@ -108,6 +108,9 @@ def noise_level(recording: Recording) -> np.ndarray:
     """Standard deviation of each channel's noise, (ny,), as given or from third differences, never from a model.
 
     Half-resolved quantisation counts: the level is at least the quantum / sqrt(12).
+
+    Raises:
+        ValueError: a channel never changes, so that nothing can be told.
     """
     level = np.array(recording.noise, float)
     factor = np.sqrt(20.0)  # of third differences of white noise: 1 + 9 + 9 + 1
@@ -115,6 +118,9 @@ def noise_level(recording: Recording) -> np.ndarray:
         rough, quanta = [], []
         for run in recording.runs:
             signal = run.measured[:, column]
+            known = np.isfinite(signal)
+            if np.isfinite(np.diff(signal, DIFFERENCES)).sum() < known.sum() / 2:
+                signal = signal[known]  # slower than the grid: differences between samples of its own
             rough.append(np.diff(signal, DIFFERENCES))
             steps = np.abs(np.diff(signal))
             quanta.append(steps[steps > 0])
@@ -123,5 +129,7 @@ def noise_level(recording: Recording) -> np.ndarray:
         quantum = quanta[quanta > ROUND_OFF * np.median(quanta)].min() if len(quanta) else 0.0
         floor = quantum / np.sqrt(12)
         spread = SPREAD * np.median(np.abs(rough)) / factor if len(rough) else 0.0
-        level[column] = max(spread, floor, np.finfo(float).tiny)
+        level[column] = max(spread, floor)
+        if not level[column]:
+            raise ValueError(f"the noise of '{recording.channels[column]}' is 0 by its samples; declare its `noise`")
     return level
