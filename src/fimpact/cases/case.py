@@ -6,14 +6,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from fimpact.cases import kinds
+from fimpact.cases import quaternions
 from fimpact.cases import start as starts
 from fimpact.cases.channels import Channel, channels, commands, place_sensors
 from fimpact.cases.checks import check_recording, check_sources
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
 from fimpact.cases.model import Naive, compiled, read_model
-from fimpact.cases.runs import Sampled, continuing, file_paths, filtered_noise, held_commands, pieces, sample, sources
+from fimpact.cases.runs import Sampled, file_paths, filtered_noise, held_commands, pieces, sample, sources
 from fimpact.cases.units import factor
 from fimpact.recordings import FIELDS, Recording, Run, Unknown
 
@@ -116,33 +116,11 @@ def _option(timestep: float):
 def _runs(sampled: Sampled, model: mujoco.MjModel, seen, drives, period: float, start: dict):
     state = start | starts.checked(model, sampled.source.state, f"{sampled.source.where}.state")
     for name, low, count, measured in pieces(sampled, period):
-        measured = _unit_quaternions(measured, seen, sampled.source.where)
+        measured = quaternions.unit(measured, seen, sampled.source.where)
         ctrl = held_commands(sampled, drives, low, period, count)
         measured = starts.as_model(model, seen, measured, period, state)
         qpos, qvel = starts.believed(model, seen, measured, period, state)
         yield Run(name, ctrl, measured, sampled.source.held_out, qpos, qvel)
-
-
-def _unit_quaternions(measured: np.ndarray, seen: list[Channel], where: str) -> np.ndarray:
-    """Quaternions of length 1 and without jumps of sign, which mean nothing but look like motion."""
-    column, out = 0, measured.copy()
-    for channel in seen:
-        place = slice(column, column + len(channel.columns))
-        column = place.stop
-        if channel.type in kinds.QUATERNIONS:
-            out[:, place] = _continuous(out[:, place], f"{where}, '{channel.sensor}'")
-    return out
-
-
-def _continuous(quats: np.ndarray, where: str) -> np.ndarray:
-    known = np.flatnonzero(np.isfinite(quats).all(axis=1))
-    length = np.linalg.norm(quats[known], axis=1)
-    if np.any(np.abs(np.median(length) - 1) > 0.02):
-        raise CaseError(f"{where}: quaternions have length {np.median(length):.4g}, not 1; list the columns w, x, y, z")
-    unit = quats[known] / np.maximum(length, 1e-9)[:, None]
-    out = quats.copy()
-    out[known] = unit * continuing(unit)[:, None]
-    return out
 
 
 def _unknowns(naive: Naive, table: list[dict]) -> tuple[Unknown, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError, listed
-from fimpact.cases.kinds import QUATERNIONS
+from fimpact.cases.quaternions import one_sign
 from fimpact.cases.readers import Column, Table, read_table
 from fimpact.cases.timebase import GAP, Series, checked_time, held, noise_factor, on_grid, stretches
 
@@ -166,30 +166,12 @@ def sample(
     seen = [read.series(column, c.time, c.factor, c.offset, c.sensor) for c in channels for column in c.columns]
     if not any(seen):
         raise CaseError(f"{source.where} holds no measured value at all; correct the columns or remove the run")
-    seen = _one_sign(seen, channels)
+    seen = one_sign(seen, channels)
     known = [*ctrl, *filter(None, seen)]
     origin = min(one.time[0] for one in known)
     low, high = origin + source.start, origin + source.stop
     cut = [one and _cut(one, low, high, source.where) for one in (*ctrl, *seen)]
     return Sampled(source, cut[: len(ctrl)], cut[len(ctrl) :])
-
-
-def _one_sign(seen: list[Series | None], channels: list[Channel]) -> list[Series | None]:
-    """Quaternions without jumps of sign, which mean nothing: between two samples they would pass for half a turn."""
-    out, column = list(seen), 0
-    for channel in channels:
-        place = slice(column, column + len(channel.columns))
-        column, own = place.stop, seen[place]
-        if channel.type in QUATERNIONS and all(own) and all(np.array_equal(own[0].time, one.time) for one in own):
-            sign = continuing(np.column_stack([one.value for one in own]))
-            out[place] = [Series(one.time, sign * one.value) for one in own]
-    return out
-
-
-def continuing(quats: np.ndarray) -> np.ndarray:
-    """Signs (n,) that make each of `quats` (n, 4) the nearer of the two that mean its rotation."""
-    flips = np.sum(quats[1:] * quats[:-1], axis=1) < 0
-    return np.cumprod(np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]))[: len(quats)]
 
 
 def _cut(series: Series, low: float, high: float, where: str) -> Series:

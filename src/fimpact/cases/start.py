@@ -6,6 +6,7 @@ import numpy as np
 from fimpact.cases import kinds
 from fimpact.cases.channels import Channel
 from fimpact.cases.errors import CaseError, one_of
+from fimpact.cases.quaternions import quaternions
 
 FIRST = 10  # samples from which a first position and speed are read
 SIZES = {kinds.FREE: (7, 6), kinds.BALL: (4, 3), kinds.SLIDE: (1, 1), kinds.HINGE: (1, 1)}
@@ -50,12 +51,10 @@ def believed(model, channels: list[Channel], measured: np.ndarray, period: float
 def as_model(model, channels: list[Channel], measured: np.ndarray, period: float, start: dict) -> np.ndarray:
     """`measured` (T, ny) with every quaternion of the sign that the model's sensor has at the start: q and -q are one
     rotation, but their difference is not 0."""
-    out, column, data = measured.copy(), 0, None
-    for channel in channels:
-        place = slice(column, column + len(channel.columns))
-        column = place.stop
+    out, data = measured.copy(), None
+    for channel, place in quaternions(channels):
         rows = np.flatnonzero(np.isfinite(measured[:, place]).all(axis=1))[:1]
-        if channel.type in kinds.QUATERNIONS and len(rows):
+        if len(rows):
             data = data or _placed(model, *_state(model, position_columns(model, channels), measured, period, start))
             said = data.sensor(channel.sensor).data
             out[:, place] *= -1.0 if measured[rows[0], place] @ said < 0 else 1.0

@@ -1,0 +1,61 @@
+"""Measured orientations: q and -q are one rotation, but neither what lies between them nor their difference is."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fimpact.cases.channels import Channel
+from fimpact.cases.errors import CaseError
+from fimpact.cases.kinds import BALLQUAT, FRAMEQUAT
+from fimpact.cases.timebase import Series
+
+
+def quaternions(channels: list[Channel]) -> Iterator[tuple[Channel, slice]]:
+    """Channels that are orientations, and their four columns among those of all."""
+    column = 0
+    for channel in channels:
+        place = slice(column, column + len(channel.columns))
+        column = place.stop
+        if channel.type in (FRAMEQUAT, BALLQUAT):
+            yield channel, place
+
+
+def one_sign(seen: list[Series | None], channels: list[Channel]) -> list[Series | None]:
+    """The series of all columns, (ny), with orientations free of jumps of sign: between two samples such a jump would
+    pass for half a turn."""
+    out = list(seen)
+    for _, place in quaternions(channels):
+        own = seen[place]
+        if all(own) and all(np.array_equal(own[0].time, one.time) for one in own):
+            sign = _continuing(np.column_stack([one.value for one in own]))
+            out[place] = [Series(one.time, sign * one.value) for one in own]
+    return out
+
+
+def unit(measured: np.ndarray, channels: list[Channel], where: str) -> np.ndarray:
+    """`measured` (T, ny) with quaternions of length 1 and without jumps of sign.
+
+    Raises:
+        CaseError: their length is not 1.
+    """
+    out = measured.copy()
+    for channel, place in quaternions(channels):
+        out[:, place] = _unit(out[:, place], f"{where}, '{channel.sensor}'")
+    return out
+
+
+def _unit(quats: np.ndarray, where: str) -> np.ndarray:
+    known = np.flatnonzero(np.isfinite(quats).all(axis=1))
+    length = np.linalg.norm(quats[known], axis=1)
+    if np.any(np.abs(np.median(length) - 1) > 0.02):
+        raise CaseError(f"{where}: quaternions have length {np.median(length):.4g}, not 1; list the columns w, x, y, z")
+    units = quats[known] / np.maximum(length, 1e-9)[:, None]
+    out = quats.copy()
+    out[known] = units * _continuing(units)[:, None]
+    return out
+
+
+def _continuing(quats: np.ndarray) -> np.ndarray:
+    """Signs (n,) that make each of `quats` (n, 4) the nearer of the two that mean its rotation."""
+    flips = np.sum(quats[1:] * quats[:-1], axis=1) < 0
+    return np.cumprod(np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]))[: len(quats)]
