@@ -8,7 +8,10 @@ from planted import record
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.mismatch import pulses
+from fimpact.mismatch.colour import Disturbance, colour
 from fimpact.mismatch.coordinates import NOTHING
+from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import bench
 from fimpact.mismatch.score import _Secant
 from fimpact.mismatch.settle import first_point
@@ -50,6 +53,15 @@ def test_the_slope_of_a_force_law_needs_no_simulation_of_its_own(moving, monkeyp
     beside = _Secant(problem, fitted)(placed)
     assert np.abs(beside).max() > 1e-3
     np.testing.assert_allclose(along(placed), beside, atol=0.02 * np.abs(beside).max())
+
+
+def test_a_linearised_motion_that_diverges_still_has_a_colour(moving, monkeypatch):
+    problem, point = moving
+    wild = tangent(problem, point)
+    wild.move[:, 0] *= 1e9
+    monkeypatch.setattr(pulses, "tangent", lambda *_: wild)
+    shade = colour(pulses.pulses(problem, fit(problem, NOTHING, point, 1)), Disturbance(np.array([20.0, 10.0]), 1.0))
+    assert np.isfinite(shade.louder).all() and np.isfinite(shade.directions).all()
 
 
 def test_a_law_that_depends_on_the_state_has_no_tangent(moving):

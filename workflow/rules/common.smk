@@ -44,7 +44,7 @@ SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/a
 RIGS = [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
-CASE = "__init__ arrays case channels checks errors kinds load model physics readers ros runs start timebase units"
+CASE = "__init__ arrays case channels checks errors kinds load model physics quaternions readers ros runs start timebase units"
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
 NAMING = [

@@ -23,6 +23,7 @@ from fimpact.mismatch.windows import Windows
 BINS = 8  # pieces of a window in which the force is constant
 PROBE = 0.02  # of the root mean square force
 IMPACT = 0.03  # s after contact begins
+UNBOUNDED = 1e60  # standard deviations per N or N m
 RATES, RINGING = (
     2 * np.pi * np.array([1.0, 2.0, 4.0, 8.0]),
     0.1,
@@ -57,8 +58,14 @@ class Pulses:
 def pulses(problem: Problem, fitted: Fit) -> Pulses:
     """Pulses at the fitted point of `problem`."""
     respond = _slopes if has_tangent(problem.simulator, fitted.point) else _secants
-    forces, names = problem.extend(np.nan_to_num(respond(problem, fitted))), dof_names(problem.simulator.base)
-    return Pulses(forces, names, *_meanwhile(problem, fitted), _clocks(problem, fitted))
+    # A linearised motion may diverge: what a pulse does there is as good as unbounded, and must not overflow.
+    forces = np.clip(np.nan_to_num(respond(problem, fitted)), -UNBOUNDED, UNBOUNDED)
+    return Pulses(
+        problem.extend(forces),
+        dof_names(problem.simulator.base),
+        *_meanwhile(problem, fitted),
+        _clocks(problem, fitted),
+    )
 
 
 def _slopes(problem: Problem, fitted: Fit) -> np.ndarray:

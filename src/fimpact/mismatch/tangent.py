@@ -11,7 +11,7 @@ from mujoco import MjModel
 
 from fimpact.effects.base import State
 from fimpact.mismatch.problem import NUDGE, Point, Problem
-from fimpact.mismatch.simulate import Simulator
+from fimpact.mismatch.simulate import DIVERGED, Simulator
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,7 @@ class Tangent:
     passed: list[State]
     every: int
 
+    @DIVERGED
     def response(self, forces: np.ndarray) -> np.ndarray:
         """Change of the measurements, (w, T, ny, c), by each of c generalised forces, (w, n, nv, c), N or N m."""
         off, out = np.zeros((*self.move.shape[1:3], forces.shape[3])), []
