@@ -65,6 +65,24 @@ def test_finer_steps_do_not_simulate_a_quicker_contact(sliding):
     assert [m.pair_solref[0, 0] for m in made] == pytest.approx([0.004] * 3)
 
 
+def test_what_is_read_at_another_time_is_read_between_steps(sliding):
+    """A box lands between two samples; where nothing is commanded, a clock that drifts sees what no sample does."""
+    simulator, windows = sliding.training.simulator, sliding.training.windows
+    drift = Placed(EFFECTS["clock_drift"], "all", {"rate": 0.05})
+    start = np.zeros((len(windows.runs), 2)), np.zeros((len(windows.runs), 2))
+    start[0][:, 1] = 0.01
+    plain = Hypothesis(simulator.theta)
+    path = simulator.motion(plain, windows, *start)[0][0, :, 1]
+    step = simulator.base.opt.timestep
+    wanted = 0.95 * PERIOD * np.arange(windows.length)
+    exact = np.interp(wanted, step * np.arange(len(path) + 1), [0.01, *path])
+    sampled = simulator.predict(plain, windows, *start)
+    signal = simulator.commands.signal(windows, windows.length, PERIOD)
+    coarse = drift.effect.law(sampled, signal, "all", rate=0.05)[0, :, 1]
+    fine = simulator.predict(replace(plain, placed=(drift,)), windows, *start)[0, :, 1]
+    assert np.abs(fine - exact).max() < 0.2 * np.abs(coarse - exact).max()
+
+
 def test_long_steps_lead_to_where_a_tangent_through_a_contact_does_not(sliding):
     problem = sliding.training
     free = coordinates(problem.simulator)

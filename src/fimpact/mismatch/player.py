@@ -108,13 +108,15 @@ def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
         mujoco.mj_step(model, data)
     data.time, data.qpos[:], data.qvel[:] = first * PERIOD, qpos, qvel
     columns = [_column(model, channel) for channel in CHANNELS]
+    # What is read at another time is read between steps, not samples; but what may jump with a command, at samples.
+    every = 1 if MEASUREMENTS and not ACTUATORS else substeps
     stepper, rows = Stepper(model, data), []
     for k in range(samples * substeps):
         row = min(begin + k, len(drive) - 1)
         read = stepper.step(drive[row], instant[row] if (COMMANDS or GEARS) and k % substeps == 0 else None)
-        if k % substeps == 0:
+        if k % every == 0:
             rows.append(read[columns])
-    return measurements(np.array(rows), ctrl, first)
+    return measurements(np.array(rows), ctrl, first, substeps // every)
 
 
 def commands(ctrl, substeps):
@@ -129,14 +131,15 @@ def commands(ctrl, substeps):
     return steps.mean(1), steps[:, 0]
 
 
-def measurements(read, ctrl, first=0):
-    """What the sensors report, (n, ny), when the channels truly read `read`, from row `first` of the run on."""
-    rows = np.arange(first, first + len(read))
-    sent = np.asarray(ctrl, float)[np.minimum(rows, len(ctrl) - 1)][None]
+def measurements(read, ctrl, first=0, pieces=1):
+    """What the sensors report, (n, ny), when the channels truly read `read`, (n * pieces, ny), `pieces` of a `PERIOD`
+    apart, from row `first` of the run on."""
+    rows = first + np.arange(len(read)) / pieces
+    sent = np.asarray(ctrl, float)[np.minimum(rows.astype(int), len(ctrl) - 1)][None]
     measured = read[None]
     for law, site, values in MEASUREMENTS:
         measured = law(measured, _signal(rows[None] * PERIOD, sent), site, **values)
-    return measured[0]
+    return measured[0, ::pieces]
 
 
 def _signal(time, ctrl):

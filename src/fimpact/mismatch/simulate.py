@@ -119,12 +119,16 @@ class Simulator:
         Args:
             push: generalised force added in each sample, (w or 1, T, nv), or each simulation step, N or N m.
         """
-        measured = self._sense(hypothesis, windows, qpos, qvel, push)[:, :: self.substeps, self.columns]
         read = [placed for placed in hypothesis.placed if placed.effect.enters == "measurement"]
-        coarse = self.commands.signal(windows, windows.length, self.recording.period) if read else None
+        # What is read at another time is read between steps, not samples; but what may jump with a command, at samples.
+        every = 1 if read and not self.base.nu else self.substeps
+        measured, pieces = self._sense(hypothesis, windows, qpos, qvel, push)[:, ::every], self.substeps // every
+        measured = measured[:, :, self.columns]
+        if read:
+            signal = self.commands.signal(windows, measured.shape[1], self.recording.period / pieces)
         for placed in read:
-            measured = placed.effect.law(measured, coarse, placed.site, **placed.values)
-        return measured
+            measured = placed.effect.law(measured, signal, placed.site, **placed.values)
+        return measured[:, ::pieces]
 
     def motion(self, hypothesis, windows: Windows, qpos, qvel) -> tuple[np.ndarray, np.ndarray]:
         """qpos (w, n, nq) and qvel (w, n, nv) after each of the n simulation steps, force laws left out."""
