@@ -10,7 +10,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.accept import accepted, hopeful, idle, improved, kept, worthwhile
 from fimpact.mismatch.colour import tempered
-from fimpact.mismatch.name import _further
+from fimpact.mismatch.name import SUSPECT, _further, answered
 from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.naming import CROWD, CROWDED, DOUBTED, RIGHT, SHARP, Naming
 from fimpact.mismatch.problem import Point
@@ -137,7 +137,7 @@ def test_a_further_effect_explains_more_than_a_trace_or_is_beyond_doubt_or_relie
 @pytest.mark.parametrize(("p", "beside"), [(0.005, True), (0.5, False)])
 def test_what_was_called_for_and_refused_may_be_missing(p, beside):
     best = SimpleNamespace(placed=(1,))
-    naming = Naming(None, [SimpleNamespace(least=p)], best, [], 0.0, Stranger(0.9, 0.0, ""), 1.0, None, None)
+    naming = Naming(None, [SimpleNamespace(least=p, rivals=[])], best, [], 0.0, Stranger(0.9, 0.0, ""), 1.0, None, None)
     assert naming.beside is beside
 
 
@@ -167,10 +167,13 @@ def test_what_is_as_large_as_it_may_be_is_asked_after_all_others(monkeypatch):
     assert asked == [[likely, other], [stand_in]]
 
 
-def naming(*weights, nameless=1.0, left=0.0, effects=1, windows=20, p=1.0):
+def naming(*weights, nameless=1.0, left=0.0, effects=1, windows=20, p=1.0, rivals=()):
     members = [SimpleNamespace(name=f"name {i}", weight=w) for i, w in enumerate(weights)]
     best = SimpleNamespace(placed=(1,) * effects, name="name 0" if effects else "none")
-    steps = [SimpleNamespace(least=p)]
+    placed = (Placed(EFFECTS["coulomb"], "joint_1", {"friction": 0.1}),)
+    steps = [
+        SimpleNamespace(least=p, rivals=[SimpleNamespace(name=f"rival {w}", placed=placed, weight=w) for w in rivals])
+    ]
     pulses = SimpleNamespace(time=range(windows))
     return Naming(None, steps, best, members, left, Stranger(nameless, 0.0, ""), 1.0, np.zeros((0, 0)), pulses)
 
@@ -187,9 +190,31 @@ def test_stated_confidence_is_what_such_weights_have_been_worth():
     assert naming(1.0, left=0.3).confidence == {"name 0": pytest.approx(DOUBTED * sum(RIGHT))}
 
 
-def test_an_answer_that_leaves_a_quarter_says_so():
-    assert naming(1.0, left=0.3).answer_set == ["name 0", "unnamed"]
-    assert naming(1.0, left=0.2).answer_set == ["name 0"]
+def test_an_answer_that_leaves_a_tenth_says_so():
+    assert naming(1.0, left=0.12).answer_set == ["name 0", "unnamed"]
+    assert naming(1.0, left=0.08).answer_set == ["name 0"]
+
+
+def test_a_name_that_alone_could_be_chance_says_so():
+    assert naming(1.0, p=0.03, rivals=(1.0,)).answer_set == ["name 0", "unnamed"]
+    assert naming(1.0, p=0.004, rivals=(1.0,), effects=3).suspected is False
+
+
+def test_names_that_are_called_for_and_refused_stay_possible():
+    refused = naming(effects=0, p=0.004, rivals=(0.8, 0.2, 0.003))
+    assert refused.answer_set == ["unnamed", "rival 0.8", "rival 0.2"]
+    assert naming(1.0, p=0.004, rivals=(0.8, 0.2)).refused == []
+
+
+@pytest.mark.parametrize(
+    ("p", "certain", "alarms"), [(0.03, True, 2), (0.03, False, 1), (0.2, True, 1), (0.001, True, 1)]
+)
+def test_which_name_is_asked_where_something_is_missing_for_certain(monkeypatch, p, certain, alarms):
+    asked, told = [], SimpleNamespace(certain=certain, p=p)
+    monkeypatch.setattr("fimpact.mismatch.name.build", lambda *given: asked.append(given[2:]) or ([], None, []))
+    monkeypatch.setattr("fimpact.mismatch.name._answer", lambda *_: told)
+    assert answered(None, None) is told
+    assert asked == [(), (SUSPECT,)][:alarms]
 
 
 def test_a_few_windows_are_not_certain_of_what_has_no_name():

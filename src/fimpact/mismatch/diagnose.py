@@ -86,7 +86,9 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
 
 
 def _more(naming: Naming) -> str:
-    """Whether a named answer is all."""
+    """Whether a named answer is all, or sure."""
+    if naming.suspected:
+        return " That something is missing is certain, but by itself this name could be chance."
     if naming.seeming:
         surely = "is" if naming.certain else "may be"
         return f" Something beside it {surely} missing that the catalogue cannot name.{_like(naming)}"

@@ -21,10 +21,11 @@ from fimpact.mismatch.pulses import Pulses, pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
-from fimpact.mismatch.step import Search, Step, step, together
+from fimpact.mismatch.step import ALARM, Search, Step, step, together
 from fimpact.mismatch.tame import WILD, tamed
 from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
 
+SUSPECT = 0.05  # family-wise p up to which a name is asked for where something without one is there for certain
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 
 
@@ -37,15 +38,29 @@ def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None
     found = pulses(bench.training, naive.fitted), pulses(bench.held_out, naive.judged)
     naive = sharpened(bench, found[0], naive)
     search = Search(bench, tuple(screen(bench.training, naive.fitted, tried)), *found, progress)
-    return _answer(search, naive, *build(search, naive))
+    return answered(search, naive)
 
 
-def build(search: Search, naive: Explanation) -> tuple[list[Step], Explanation, list[Explanation]]:
+def answered(search: Search, naive: Explanation) -> Naming:
+    """The answer. Where what has no name is there for certain, that something is missing is no longer the question, but
+    which: a name is asked for that alone could be chance."""
+    answer = _answer(search, naive, *build(search, naive))
+    asked = answer.certain and ALARM < answer.p <= SUSPECT
+    return _answer(search, naive, *build(search, naive, SUSPECT)) if asked else answer
+
+
+def build(
+    search: Search, naive: Explanation, alarm: float = ALARM
+) -> tuple[list[Step], Explanation, list[Explanation]]:
     """Add the best effect and ask again, for as long as that is worthwhile and new: every round, the explanation they
-    end with, and its rivals."""
+    end with, and its rivals.
+
+    Args:
+        alarm: family-wise p up to which a first effect is asked for.
+    """
     best, rivals, steps, known = naive, [], [], {naive.name}
     while len(best.placed) < LARGEST:
-        steps.append(step(search, best, TRACE * _learned(search, naive, best)))
+        steps.append(step(search, best, TRACE * _learned(search, naive, best), alarm=alarm))
         found = _further(search, naive, best, steps[-1], known)
         if not found and _astray(steps[-1], best) and len(best.placed) + 2 <= LARGEST:
             paired = together(search, best, steps[-1])

@@ -10,12 +10,13 @@ from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.step import ALARM, FURTHER, Step
 from fimpact.mismatch.tame import WILD
+from fimpact.mismatch.weigh import members
 
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 WILDER = 100.0  # WILD where windows are too few to know what a disturbance does
 CERTAIN = 0.01  # family-wise p at which what has no name is there, whatever is named
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
-LEFT = 0.25  # share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it
+LEFT = 0.1  # share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it
 LARGEST = 3  # effects that are added, at most
 # Share of right answers in 189 opened cases of the concealed benchmark, a power of the weight of the best among its
 # rivals: relatives differ in second order, and between them a weight short of certain decides little. And what that is
@@ -65,6 +66,18 @@ class Naming:
         return "unnamed" if forced or (called and not self.best.placed) else self.best.name
 
     @property
+    def suspected(self) -> bool:
+        """Whether names were asked for that alone could be chance, because something is there for certain."""
+        return self.p > ALARM and bool(self.steps[0].rivals)
+
+    @property
+    def refused(self) -> list[Explanation]:
+        """What was called for where nothing kept its word: in the recordings that were learned from, these names cannot
+        be told from one another."""
+        rivals = [] if self.best.placed else self.steps[0].rivals
+        return members(rivals[0], rivals[1:]) if rivals else []
+
+    @property
     def few(self) -> bool:
         """Whether the training windows are too few to know what a disturbance does."""
         return len(self.pulses.time) < FEW
@@ -76,9 +89,10 @@ class Naming:
 
     @property
     def beside(self) -> bool:
-        """Whether something without a name may be there beside the best answer: it seems so, much is left, or as many
-        effects were added as may be, and none was asked for after them."""
-        return self.seeming or self.left > LEFT or len(self.best.placed) == LARGEST
+        """Whether something without a name may be there beside the best answer, or in its place: it seems so, much is
+        left, the name was only suspected, or as many effects were added as may be, and none was asked for after
+        them."""
+        return self.seeming or self.suspected or self.left > LEFT or len(self.best.placed) == LARGEST
 
     @property
     def seeming(self) -> bool:
@@ -92,7 +106,7 @@ class Naming:
         """The answer, the names that the recordings cannot tell from it, and "unnamed" where not all has a name."""
         names = [m.name for m in self.members]
         if self.answer == "unnamed":
-            return ["unnamed", *names]
+            return ["unnamed", *names, *(r.name for r in self.refused)]
         return [*names, "unnamed"] if names and self.beside else names or [self.answer]
 
     @property

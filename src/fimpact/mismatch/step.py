@@ -76,8 +76,9 @@ class Search:
         return found
 
 
-def step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS) -> Step:
-    """Screen, and refit what is significant and predicted to gain more than `least`, the best `refits` of it."""
+def step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS, alarm: float = ALARM) -> Step:
+    """Screen, and refit what is significant and predicted to gain more than `least`, the best `refits` of it; `alarm`:
+    the family-wise p up to which a first effect is significant."""
     bench = search.bench
     known = {p.name for p in current.placed}
     others = [c for c in search.candidates if c.placed.name not in known]
@@ -90,7 +91,7 @@ def step(search: Search, current: Explanation, least: float = 0.0, refits: int =
     alone, apart = (family_p(search.pulses, *judge) for judge in judges)
     p = np.minimum(alone, SEEN * apart)
     found = Step(screened, p, [])
-    if found.least > (FURTHER if current.placed else ALARM) or screened[0].gain < least:
+    if found.least > (FURTHER if current.placed else alarm) or screened[0].gain < least:
         return found
     most = refits if len(bench.training.windows.runs) > EASY else MORE
     mixed = merged(fitted, screened)
