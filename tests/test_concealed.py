@@ -1,12 +1,13 @@
 """The planting side: what is drawn is what was asked for, is sealed, and can be played again."""
 
 import json
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 
-from fimpact.concealed import plants
+from fimpact.concealed import draw, plants
 from fimpact.concealed.archive import cases_in, load_recording, save_recording
 from fimpact.concealed.detect import cut, gather, models, predict, see, tangents
 from fimpact.concealed.draw import draw_case
@@ -173,6 +174,21 @@ def test_starts_of_throws_survive_the_disk(motions, tmp_path):
     back = load_recording(tmp_path, "a")
     assert np.array_equal(back.runs[3].qvel, recording.runs[3].qvel)
     assert np.array_equal(back.start_sd, recording.start_sd) and back.window == recording.window
+
+
+def test_a_recording_of_a_simulation_that_is_unstable_is_drawn_again(monkeypatch):
+    """What one integrator reads far more of than another is no physics, and nobody could diagnose it."""
+    real = draw.record
+
+    def shaken(truth, motion):
+        recording = real(truth, motion)
+        return replace(recording, runs=tuple(replace(run, measured=100 * run.measured) for run in recording.runs))
+
+    monkeypatch.setattr(draw, "ATTEMPTS", {"null": 1})
+    draw_case(2, "null", seed=3, system="block")
+    monkeypatch.setattr(draw, "record", shaken)
+    with pytest.raises(ValueError, match="found no fit in 1 draws"):
+        draw_case(2, "null", seed=3, system="block")
 
 
 def test_recordings_can_be_read_without_the_seals(case, tmp_path):

@@ -9,8 +9,9 @@ from fimpact.concealed.plants import PLANTS
 from fimpact.concealed.rigs import CLOCK, RIGS, Rig, rig_of
 from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, glance, seen, set_stage, trace, whole
 from fimpact.concealed.strangers import STRANGERS, known
-from fimpact.concealed.truth import Planted, Truth, clean, measure, slips
+from fimpact.concealed.truth import Planted, Truth, clean, measure, slips, world_of
 from fimpact.concealed.twins import TWINS
+from fimpact.concealed.world import play
 from fimpact.recordings import Recording, Run
 
 KINDS = ("single", "null", "double", "outside", "twin")
@@ -19,6 +20,7 @@ HIDDEN = 0.9  # concealment that half of the cases insist on
 ALIKE, INDISTINCT = 0.9, 4.0  # cosine above, and non-centrality below, which no oracle can tell two effects apart
 ATTEMPTS = {"twin": 4}  # draws of a case, 24 where nothing else is said: some twins hardly any motion makes
 INSISTENCE = 4  # draws for which half of the cases insist on being hidden
+UNSTABLE = 10.0  # times what coarser, implicit steps read at most
 SHARED = 3  # one in so many draws, the first, share their target
 
 
@@ -71,7 +73,19 @@ def _draw(rng, index, kind, system, target, attempt, seed):
         raise Unfit("not hidden enough")
     effects = tuple(_planted(stage, site, t, name) for (name, site), t in zip(choice, traces, strict=False))
     truth = Truth(kind=kind, system=rig.name, effects=effects, rival=rival, seed=seed, **together, **nuisance)
-    return record(truth, motion), truth
+    recording = record(truth, motion)
+    _check(stage, truth, motion, recording)
+    return recording, truth
+
+
+def _check(stage: Stage, truth: Truth, motion: Motion, recording: Recording) -> None:
+    """Unfit where the recording reads far more than a simulation by other steps and another integrator: a stiff effect
+    that makes the finer one unstable is no physics."""
+    other = play(world_of(truth, stage.rig), stage.start, motion.ctrl).samples
+    largest = np.nan_to_num(np.abs(other), nan=np.inf).max((0, 1)) + stage.rig.sd
+    read = np.nan_to_num(np.abs([run.measured for run in recording.runs]), nan=np.inf).max((0, 1))
+    if (read > UNSTABLE * largest).any():
+        raise Unfit("the simulation is unstable")
 
 
 def _choose(rng, index, kind, system) -> tuple[Rig, list[tuple[str, str]], str]:

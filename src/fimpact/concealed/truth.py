@@ -90,9 +90,9 @@ def _tuples(value):
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
-def world_of(truth: Truth, fine: bool = True) -> World:
-    """The planted world itself."""
-    world = new_world(rig_of(truth.system), np.array(truth.errors), fine)
+def world_of(truth: Truth, coarse: Rig | None = None) -> World:
+    """The planted world itself; with the coarse steps of a rig where one is given."""
+    world = new_world(coarse or rig_of(truth.system), np.array(truth.errors), fine=coarse is None)
     for effect in truth.effects:
         plant(world, effect.name, effect.site, effect.values)
     return world
