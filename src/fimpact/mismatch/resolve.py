@@ -9,7 +9,7 @@ from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
 from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.explain import Explanation, beside, corrected, explain, shapes_of, sizes_of
-from fimpact.mismatch.fit import fit, lost
+from fimpact.mismatch.fit import Fit, fit, lost
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.price import STATED, schwarz
 from fimpact.mismatch.problem import Point, Problem
@@ -23,6 +23,7 @@ from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
 TURNING = 0.5  # share of what it costs that data choose a shape which one step must promise to gain
+LOOK = 3  # steps of a fit that show whether its beginning is worth more
 PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
 CLOSE = 1 / 500  # weight, relative to the likeliest, that is worth numerics of its own, where several names have it
 # Weight, relative to the likeliest, of a name that remains, and of one that says the same with more coefficients: an
@@ -123,13 +124,25 @@ def _may_turn(made: Bench, rival: Explanation) -> bool:
 def _anew(made: Bench, rival: Explanation) -> Explanation:
     """`rival`, or what its shapes come to from there or from where a screening begins them, if that fits better: what
     no recording showed of a shape may be far from what was stated."""
-    found, own = [rival], _values(rival)
+    begun = _beginnings(made.training, rival)
+    if len(begun) == 1:
+        return rival
+    # Most beginnings lead nowhere, and a few steps show which do not.
+    looks = [_fit(made, rival, values, held=False, iterations=LOOK) for values in begun]
+    near = replace(rival, fitted=min(looks, key=lambda fitted: fitted.point.cost))
+    placed = near.fitted.point.hypothesis.placed
+    found = _refitted(made, near, {p.name: p.values for p in placed}, held=False)
+    return min(rival, found, key=lambda r: r.fitted.point.cost)
+
+
+def _beginnings(problem: Problem, rival: Explanation) -> list[dict[str, dict]]:
+    """Values of `rival` as they are, and with each shape in turn as a screening begins it."""
+    own, begun = _values(rival), [_values(rival)]
     for i, name in shapes_of(rival.placed):
         placed = rival.placed[i]
-        for value in sorted({placed.values[name]} | _probed(made.training, rival.fitted.point, placed, name)):
-            begun = own | {placed.name: placed.values | {name: value}}
-            found.append(_refitted(made, rival, begun, held=False))
-    return min(found, key=lambda r: r.fitted.point.cost)
+        values = sorted(_probed(problem, rival.fitted.point, placed, name) - {placed.values[name]})
+        begun += [own | {placed.name: placed.values | {name: value}} for value in values]
+    return begun
 
 
 def _values(rival: Explanation) -> dict[str, dict]:
@@ -181,12 +194,21 @@ def _left_out(made: Bench, added: list[Run], strays: np.ndarray) -> list[Run]:
 
 
 def _refitted(
+    made: Bench, near: Explanation, member: dict[str, dict], far: Collection[int] | None = (), held: bool = True
+) -> Explanation:
+    """`member` fitted (`_fit`), and what that predicts of held-out windows."""
+    fitted = _fit(made, near, member, far, held)
+    return explain(fitted, settle(made.held_out, fitted.point.hypothesis, near.judged.point))
+
+
+def _fit(
     made: Bench,
     near: Explanation,
     member: dict[str, dict],
     far: Collection[int] | None = (),
     held: bool = True,
-) -> Explanation:
+    iterations: int = 12,
+) -> Fit:
     """`member` fitted, from the unknowns and initial states of `near`; held: its shapes stay as stated."""
     problem, point = made.training, near.fitted.point
     placed = _placed(member, problem, scales(problem, point))
@@ -195,8 +217,7 @@ def _refitted(
     _check(start, member)
     shared = replace(near.fitted, linear=near.fitted.linear.alone(free.unknowns))
     start = settled(problem, free, start, known=shared.linear)
-    fitted = fit(problem, free, start, 12, beside(problem, shared, start, free), far=far)
-    return explain(fitted, settle(made.held_out, fitted.point.hypothesis, near.judged.point))
+    return fit(problem, free, start, iterations, beside(problem, shared, start, free), far=far)
 
 
 def _check(start: Point, member: dict[str, dict]) -> None:
