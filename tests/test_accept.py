@@ -190,9 +190,11 @@ def test_stated_confidence_is_what_such_weights_have_been_worth():
     assert naming(1.0, left=0.3).confidence == {"name 0": pytest.approx(DOUBTED * sum(RIGHT))}
 
 
-def test_an_answer_that_leaves_a_tenth_says_so():
-    assert naming(1.0, left=0.12).answer_set == ["name 0", "unnamed"]
-    assert naming(1.0, left=0.08).answer_set == ["name 0"]
+@pytest.mark.parametrize(
+    ("left", "p", "said"), [(0.3, 1.0, True), (0.2, 1.0, False), (0.12, 0.4, True), (0.08, 0.4, False)]
+)
+def test_an_answer_that_leaves_a_quarter_or_a_tenth_that_is_hardly_chance_says_so(left, p, said):
+    assert naming(1.0, left=left, nameless=p).answer_set == ["name 0"] + ["unnamed"] * said
 
 
 def test_a_name_that_alone_could_be_chance_says_so():

@@ -87,7 +87,7 @@ def test_a_shape_that_no_recording_showed_is_sought_where_a_screening_seeks_it(r
     made, members = rivals
     looked = []
 
-    def fitted(made, near, member, held, iterations=12):
+    def fitted(made, near, member, held, look=False):
         (values,) = member.values()
         looked.append(values["displacement"])
         placed = (Placed(EFFECTS["dahl"], "joint_2", values, {"friction": 1.0, "displacement": 1.0}),)

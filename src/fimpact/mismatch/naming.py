@@ -16,7 +16,9 @@ UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leav
 WILDER = 100.0  # WILD where windows are too few to know what a disturbance does
 CERTAIN = 0.01  # family-wise p at which what has no name is there, whatever is named
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
-LEFT = 0.1  # share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it
+# Share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it; and the same
+# where it is no more likely chance than not.
+LEFT, HINT, EVEN = 0.25, 0.1, 0.5
 LARGEST = 3  # effects that are added, at most
 # Share of right answers in 189 opened cases of the concealed benchmark, a power of the weight of the best among its
 # rivals: relatives differ in second order, and between them a weight short of certain decides little. And what that is
@@ -92,7 +94,8 @@ class Naming:
         """Whether something without a name may be there beside the best answer, or in its place: it seems so, much is
         left, the name was only suspected, or as many effects were added as may be, and none was asked for after
         them."""
-        return self.seeming or self.suspected or self.left > LEFT or len(self.best.placed) == LARGEST
+        much = self.left > (HINT if self.stranger.p <= EVEN else LEFT)
+        return self.seeming or self.suspected or much or len(self.best.placed) == LARGEST
 
     @property
     def seeming(self) -> bool:

@@ -23,7 +23,7 @@ from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
 TURNING = 0.5  # share of what it costs that data choose a shape which one step must promise to gain
-LOOK = 3  # steps of a fit that show whether its beginning is worth more
+LOOK = 2  # steps of a fit, along one tangent, that show whether its beginning is worth more
 PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
 CLOSE = 1 / 500  # weight, relative to the likeliest, that is worth numerics of its own, where several names have it
 # Weight, relative to the likeliest, of a name that remains, and of one that says the same with more coefficients: an
@@ -128,7 +128,7 @@ def _anew(made: Bench, rival: Explanation) -> Explanation:
     if len(begun) == 1:
         return rival
     # Most beginnings lead nowhere, and a few steps show which do not.
-    looks = [_fit(made, rival, values, held=False, iterations=LOOK) for values in begun]
+    looks = [_fit(made, rival, values, held=False, look=True) for values in begun]
     near = replace(rival, fitted=min(looks, key=lambda fitted: fitted.point.cost))
     placed = near.fitted.point.hypothesis.placed
     found = _refitted(made, near, {p.name: p.values for p in placed}, held=False)
@@ -207,17 +207,19 @@ def _fit(
     member: dict[str, dict],
     far: Collection[int] | None = (),
     held: bool = True,
-    iterations: int = 12,
+    look: bool = False,
 ) -> Fit:
-    """`member` fitted, from the unknowns and initial states of `near`; held: its shapes stay as stated."""
+    """`member` fitted, from the unknowns and initial states of `near`; held: its shapes stay as stated; look: a few
+    steps only."""
     problem, point = made.training, near.fitted.point
     placed = _placed(member, problem, scales(problem, point))
     free = _free(problem, placed, held)
     start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
     _check(start, member)
     shared = replace(near.fitted, linear=near.fitted.linear.alone(free.unknowns))
-    start = settled(problem, free, start, known=shared.linear)
-    return fit(problem, free, start, iterations, beside(problem, shared, start, free), far=far)
+    start = start if look else settled(problem, free, start, known=shared.linear)
+    steps = LOOK if look else 12
+    return fit(problem, free, start, steps, beside(problem, shared, start, free), refresh=not look, far=far)
 
 
 def _check(start: Point, member: dict[str, dict]) -> None:
