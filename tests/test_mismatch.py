@@ -586,7 +586,7 @@ def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(mon
     def stub(name, value):
         monkeypatch.setattr(f"fimpact.mismatch.name.{name}", value)
 
-    stub("step", lambda *_: Step([], np.zeros(0), [explained(next(rounds))]))
+    stub("step", lambda *_, alarm: Step([], np.zeros(0), [explained(next(rounds))]))
     stub("_reconsider", lambda *_: [explained(next(left))])
     stub("_learned", lambda *_: 0.0)
     stub("hopeful", lambda _, rivals: rivals)
@@ -632,7 +632,7 @@ def test_pairs_are_asked_for_where_no_one_effect_comes_near_the_noise(monkeypatc
 
     paired = []
     for stub, value in (
-        ("step", lambda *_: Step([], np.zeros(0), [explained("drag")])),
+        ("step", lambda *_, alarm: Step([], np.zeros(0), [explained("drag")])),
         ("_learned", lambda *_: 0.0),
         ("_further", lambda *_: None),
         ("lost", lambda _: lost),
@@ -721,6 +721,18 @@ def test_the_verdict_names_nothing_for_sure_that_held_out_runs_refuse(friction):
 def test_the_verdict_says_how_sure_it_is_that_this_is_all(friction, p, left, said):
     naming = replace(friction.naming, stranger=Stranger(p, 1.0, "a ghost"), left=left)
     assert verdict(naming, friction.recording, friction.location, friction.evidence).endswith(said)
+
+
+@pytest.mark.parametrize(("p", "certain"), [(0.9, 0), (0.04, 1), (0.001, 1)])
+def test_the_verdict_says_of_a_name_that_was_only_suspected_that_it_could_be_chance(friction, monkeypatch, p, certain):
+    monkeypatch.setattr(Naming, "p", 0.03)
+    naming = replace(friction.naming, stranger=Stranger(p, 1.0, "a ghost"), left=0.1)
+    chance = " That something is missing is certain, but by itself this name could be chance."
+    said = verdict(naming, friction.recording, friction.location, friction.evidence)
+    assert said.count(chance) == 1 and said.count("ghost") == certain
+    monkeypatch.setattr(Naming, "answer", "unnamed")
+    said = verdict(naming, friction.recording, friction.location, friction.evidence)
+    assert f"{chance} More is missing that" in said
 
 
 def test_the_verdict_tells_what_has_a_name_beside_what_has_none(friction, monkeypatch):

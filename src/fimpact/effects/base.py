@@ -9,7 +9,8 @@ An effect enters a simulation in one of six ways, and `Effect.enters` says which
 - ``gear``: ``f(shaft, site, **values)`` returns what a gear that gives does between motor and link of joint `site`, and
   how far the motor is ahead (`fimpact.effects.gears`).
 - ``command``: ``f(ctrl, signal, site, **values)`` returns the commands that reach the plant, (runs, T, nu).
-- ``measurement``: ``f(measured, signal, site, **values)`` returns what the sensors report, (n, T, ny).
+- ``measurement``: ``f(measured, signal, site, **values)`` returns what the sensors report, (n, T, ny), at
+  the times of `signal`: those of samples, or without actuators those of simulation steps.
 
 `values` are the effect's parameters by name. At its neutral values an effect changes nothing.
 """

@@ -75,7 +75,7 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     if naming.answer == "unnamed":
         where = f"that the catalogue cannot name: {location.sentence}.{_like(naming)}"
         if found and evidence.low > 0:
-            return f"Missing: {found}. {share} More is missing {where}"
+            return f"Missing: {found}. {share}{_chance(naming)} More is missing {where}"
         refused = found or next((words(r.name) for r in naming.steps[0].rivals), "")
         return f"Something is missing {where}" + (f" {REFUSED}: {refused}." if refused else "")
     others = [words(m.name) for m in naming.members[1:]]
@@ -86,13 +86,19 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
 
 
 def _more(naming: Naming) -> str:
-    """Whether a named answer is all, or sure."""
-    if naming.suspected:
-        return " That something is missing is certain, but by itself this name could be chance."
+    """Whether a named answer is sure, and all."""
     if naming.seeming:
         surely = "is" if naming.certain else "may be"
-        return f" Something beside it {surely} missing that the catalogue cannot name.{_like(naming)}"
+        return f"{_chance(naming)} Something beside it {surely} missing that the catalogue cannot name.{_like(naming)}"
+    if naming.suspected:
+        return _chance(naming)
     return " These recordings cannot rule out that more is missing." if naming.beside else ""
+
+
+def _chance(naming: Naming) -> str:
+    """Whether the name is surer than that there is something to name."""
+    sure = " That something is missing is certain, but by itself this name could be chance."
+    return sure if naming.suspected else ""
 
 
 def _like(naming: Naming) -> str:

@@ -74,7 +74,7 @@ class Naming:
 
     @property
     def refused(self) -> list[Explanation]:
-        """What was called for where nothing kept its word: in the recordings that were learned from, these names cannot
+        """What was asked for where nothing kept its word: in the recordings that were learned from, these names cannot
         be told from one another."""
         rivals = [] if self.best.placed else self.steps[0].rivals
         return members(rivals[0], rivals[1:]) if rivals else []

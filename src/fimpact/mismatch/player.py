@@ -111,7 +111,7 @@ def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
     # What is read at another time is read between steps, not samples; but what may jump with a command, at samples.
     every = 1 if MEASUREMENTS and not ACTUATORS else substeps
     stepper, rows = Stepper(model, data), []
-    for k in range(samples * substeps):
+    for k in range((samples - 1) * substeps + 1):
         row = min(begin + k, len(drive) - 1)
         read = stepper.step(drive[row], instant[row] if (COMMANDS or GEARS) and k % substeps == 0 else None)
         if k % every == 0:

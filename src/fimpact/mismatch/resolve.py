@@ -9,7 +9,7 @@ from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
 from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.explain import Explanation, beside, corrected, explain, shapes_of, sizes_of
-from fimpact.mismatch.fit import Fit, fit, lost
+from fimpact.mismatch.fit import Fit, fit, lost, relinearised
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.price import STATED, schwarz
 from fimpact.mismatch.problem import Point, Problem
@@ -23,7 +23,7 @@ from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
 TURNING = 0.5  # share of what it costs that data choose a shape which one step must promise to gain
-LOOK = 2  # steps of a fit, along one tangent, that show whether its beginning is worth more
+LOOK = 2  # steps of a fit that show whether its beginning is worth more
 PASSES, ALIKE = 3, 0.25  # times that windows are left out, and how stray, relative to the worst, goes with it
 CLOSE = 1 / 500  # weight, relative to the likeliest, that is worth numerics of its own, where several names have it
 # Weight, relative to the likeliest, of a name that remains, and of one that says the same with more coefficients: an
@@ -124,12 +124,13 @@ def _may_turn(made: Bench, rival: Explanation) -> bool:
 def _anew(made: Bench, rival: Explanation) -> Explanation:
     """`rival`, or what its shapes come to from there or from where a screening begins them, if that fits better: what
     no recording showed of a shape may be far from what was stated."""
-    begun = _beginnings(made.training, rival)
-    if len(begun) == 1:
+    if not shapes_of(rival.placed):
         return rival
+    begun = _beginnings(made.training, rival)
     # Most beginnings lead nowhere, and a few steps show which do not.
     looks = [_fit(made, rival, values, held=False, look=True) for values in begun]
-    near = replace(rival, fitted=min(looks, key=lambda fitted: fitted.point.cost))
+    best = min(looks, key=lambda fitted: fitted.point.cost)
+    near = replace(rival, fitted=relinearised(made.training, best))
     placed = near.fitted.point.hypothesis.placed
     found = _refitted(made, near, {p.name: p.values for p in placed}, held=False)
     return min(rival, found, key=lambda r: r.fitted.point.cost)

@@ -122,8 +122,8 @@ class Simulator:
         read = [placed for placed in hypothesis.placed if placed.effect.enters == "measurement"]
         # What is read at another time is read between steps, not samples; but what may jump with a command, at samples.
         every = 1 if read and not self.base.nu else self.substeps
-        measured, pieces = self._sense(hypothesis, windows, qpos, qvel, push)[:, ::every], self.substeps // every
-        measured = measured[:, :, self.columns]
+        last, pieces = (windows.length - 1) * self.substeps + 1, self.substeps // every
+        measured = self._sense(hypothesis, windows, qpos, qvel, push)[:, :last:every, self.columns]
         if read:
             signal = self.commands.signal(windows, measured.shape[1], self.recording.period / pieces)
         for placed in read:
