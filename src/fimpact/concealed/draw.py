@@ -74,11 +74,11 @@ def _draw(rng, index, kind, system, target, attempt, seed):
     effects = tuple(_planted(stage, site, t, name) for (name, site), t in zip(choice, traces, strict=False))
     truth = Truth(kind=kind, system=rig.name, effects=effects, rival=rival, seed=seed, **together, **nuisance)
     recording = record(truth, motion)
-    _check(stage, truth, motion, recording)
+    _check_stable(stage, truth, motion, recording)
     return recording, truth
 
 
-def _check(stage: Stage, truth: Truth, motion: Motion, recording: Recording) -> None:
+def _check_stable(stage: Stage, truth: Truth, motion: Motion, recording: Recording) -> None:
     """Unfit where the recording reads far more than a simulation by other steps and another integrator: a stiff effect
     that makes the finer one unstable is no physics."""
     other = play(world_of(truth, stage.rig), stage.start, motion.ctrl).samples

@@ -132,8 +132,8 @@ def commands(ctrl, substeps):
 
 
 def measurements(read, ctrl, first=0, pieces=1):
-    """What the sensors report, (n, ny), when the channels truly read `read`, (n * pieces, ny), `pieces` of a `PERIOD`
-    apart, from row `first` of the run on."""
+    """What the sensors report, (n, ny), from row `first` of the run on, when the channels truly read `read`, whose
+    ((n - 1) * pieces + 1, ny) rows are `PERIOD` / `pieces` apart."""
     rows = first + np.arange(len(read)) / pieces
     sent = np.asarray(ctrl, float)[np.minimum(rows.astype(int), len(ctrl) - 1)][None]
     measured = read[None]
