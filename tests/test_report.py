@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_model import diagnosis_of, record
 
-from fimpact import report
+from fimpact import report, report_contents
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed, words
 from fimpact.mismatch.diagnose import Diagnosis
@@ -18,7 +18,9 @@ from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.naming import Naming
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.step import Step
-from fimpact.report import describe_inputs, pair, short, to_text, write_report
+from fimpact.report import write_report
+from fimpact.report_contents import describe_inputs, to_text
+from fimpact.report_numbers import pair, short
 from fimpact.report_where import timeline
 
 
@@ -80,14 +82,14 @@ def test_the_film_is_on_the_page_which_stays_small(written):
 
 
 def test_where_nothing_can_be_drawn_the_page_says_so(diagnosis, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "draw_film", lambda *_: "No film: how elbow stood was not measured.")
+    monkeypatch.setattr(report_contents, "draw_film", lambda *_: "No film: how elbow stood was not measured.")
     page = write_report(diagnosis, tmp_path / "blind", provenance={}).read_text(encoding="utf-8")
     assert "No film: how elbow stood was not measured." in page and "data:image/gif" not in page
     assert json.loads((tmp_path / "blind" / "diagnosis.json").read_text())["film"]["file"] == ""
 
 
 def test_an_effect_at_its_limit_is_called_a_stand_in(written, diagnosis, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "draw_film", lambda *_: "No film.")
+    monkeypatch.setattr(report_contents, "draw_film", lambda *_: "No film.")
     monkeypatch.setattr(Placed, "at_limit", True)
     page = write_report(diagnosis, tmp_path / "limit", provenance={}).read_text(encoding="utf-8")
     text = "it stands in for something else"

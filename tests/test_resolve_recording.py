@@ -11,7 +11,7 @@ from test_model import XML, record
 
 from fimpact.cases import inputs
 from fimpact.cli import main
-from fimpact.report import describe_inputs
+from fimpact.report_contents import describe_inputs
 
 MEMBERS = [{"viscous@pivot": {"damping": 0.01}}, {"coulomb@pivot": {"friction": 0.015}}]
 NEW = {"file": "d.csv"}

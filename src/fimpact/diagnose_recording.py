@@ -7,7 +7,8 @@ from fimpact.cases import inputs, read_case
 from fimpact.effects.own import load_effects
 from fimpact.experiment import next_experiment
 from fimpact.mismatch.diagnose import Diagnosis, diagnose
-from fimpact.report import check_folder, describe_inputs, write_report
+from fimpact.report import check_folder, write_report
+from fimpact.report_contents import describe_inputs
 
 
 def diagnose_recording(

@@ -12,7 +12,7 @@ from fimpact.effects.own import load_effects
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.resolve import remaining, resolve, stated
 from fimpact.recordings import Recording, Run
-from fimpact.report import DATA, describe_inputs
+from fimpact.report_contents import DATA, describe_inputs
 
 
 def resolve_recording(

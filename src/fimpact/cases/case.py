@@ -13,7 +13,8 @@ from fimpact.cases.checks import check_recording, check_sources
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
 from fimpact.cases.model import Naive, compiled, read_model
-from fimpact.cases.runs import Sampled, file_paths, filtered_noise, held_commands, pieces, sample, sources
+from fimpact.cases.runs import Sampled, filtered_noise, held_commands, pieces, sample
+from fimpact.cases.sources import file_paths, sources
 from fimpact.cases.units import factor
 from fimpact.recordings import FIELDS, Recording, Run, Unknown
 

@@ -9,7 +9,8 @@ from fimpact.cases import kinds
 from fimpact.cases.channels import Channel
 from fimpact.cases.errors import CaseError
 from fimpact.cases.physics import Motion, derivative, doubts
-from fimpact.cases.runs import FEWEST, Source
+from fimpact.cases.runs import FEWEST
+from fimpact.cases.sources import Source
 from fimpact.recordings import Recording
 
 DEGREES, THOUSAND = 180 / np.pi, 1000.0
