@@ -5,7 +5,9 @@ import re
 import struct
 import zlib
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -17,6 +19,8 @@ from mcap_ros2.writer import Writer
 from pyarrow import parquet
 
 from fimpact.cases import CaseError, inputs, read_case
+from fimpact.cases.model import _name_free_joints
+from fimpact.cases.readers import read_table
 from fimpact.cases.timebase import Series, held, on_grid
 from fimpact.cases.units import factor
 from fimpact.cli import main
@@ -39,7 +43,7 @@ MODEL = """<mujoco>
     </body>
   </worldbody>
   <actuator><motor name="shoulder" joint="shoulder"/><motor name="elbow" joint="elbow"/></actuator>
-  <sensor><jointpos name="q1" joint="shoulder"/></sensor>
+  <sensor><jointpos name="q1" joint="shoulder"/><jointactuatorfrc name="felt" joint="elbow"/></sensor>
 </mujoco>"""
 CASE = {
     "model": "arm.xml",
@@ -81,7 +85,8 @@ def write_csv(path: Path, columns: dict) -> None:
 def write_case(folder: Path, case: dict) -> Path:
     """Write the case of the arm, its model and its data."""
     for name, seed in (("a.csv", 1), ("b.csv", 2)):
-        write_csv(folder / name, motion(seed))
+        dates = [f"2024-05-01T12:00:{t:012.9f}" for t in motion(seed)["t"]]
+        write_csv(folder / name, motion(seed) | {"date": dates, "t2": motion(seed)["t"] + 1e5})
     return write_case_of(folder, case, MODEL)
 
 
@@ -206,6 +211,13 @@ CASES = {  # keys of the case that are replaced -> what the line must say
         "same rows",
     ),
     "two runs of one name": (altered(runs=[{"file": "a.csv"}, {"file": "a.csv", "held_out": True}]), "two runs"),
+    "time faster than a simulation": (altered(time={"column": "t", "unit": "us"}), "correct time.unit"),
+    "dates in milliseconds": (altered(time={"column": "date", "unit": "ms"}), "write `unit: s`"),
+    "clocks apart": (altered(measurements=entry("q1", time="t2")), "must be of one clock"),
+    "a torque in amperes": (
+        altered(measurements=lambda m: m | {"felt": {"column": "u2", "unit": "A"}}),
+        "has this in 'N m'",
+    ),
     "rate above the recorded": (altered(rate=1000.0), "rate is 1000"),
     "start of no joint": (altered(start={"wrist": {"position": 0}}), "'wrist' does not exist"),
     "start of a wrong size": (altered(start={"elbow": {"position": [0, 1]}}), "has 2 numbers"),
@@ -250,6 +262,14 @@ MODELS = {
         MODEL.replace('motor name="elbow"', 'general dyntype="filter" dynprm="0.05" name="elbow"'),
         "'elbow' has a state of its own",
     ),
+    "a gain of its own": (
+        MODEL.replace('motor name="elbow"', 'general gainprm="35" name="elbow"'),
+        "commands.elbow.ctrl_unit is missing",
+    ),
+    "a delay of its own": (
+        MODEL.replace('motor name="elbow"', 'motor delay="0.01" nsample="9" name="elbow"'),
+        "a delay",
+    ),
     "not MJCF": ("<mujoco><robot/></mujoco>", "does not compile"),
     "a separator in a name": (MODEL.replace('"upper"', '"up|per"'), "rename it"),
 }
@@ -289,7 +309,9 @@ def test_hostile_or_damaged_file_ends_with_one_line(name, tmp_path, capsys, monk
 
 def test_bad_yaml_and_bad_usage_end_with_one_line(tmp_path, capsys):
     path = tmp_path / "case.yaml"
-    for text in ("a: [", "a: 1\na: 2", "just text", "!!python/object/apply:os.system [true]"):
+    bomb = "a: &a [" + "x, " * 30 + "]\n" + "".join(f"{n}: &{n} [{f'*{m}, ' * 30}]\n" for m, n in pairwise("abcdefg"))
+    odd = ("a: !!bool maybe", "a: !!int ''", "a: !!timestamp x", bomb, "a: &a [*a]")
+    for text in ("a: [", "a: 1\na: 2", "just text", "!!python/object/apply:os.system [true]", *odd):
         path.write_text(text)
         refused(path, capsys)
     with pytest.raises(SystemExit, match="2"):
@@ -306,7 +328,7 @@ def test_a_good_case_comes_back_in_si_units_on_its_grid(tmp_path, capsys):
     np.testing.assert_allclose(recording.runs[0].ctrl, np.column_stack([motion(1)[k] for k in ("u1", "u2")]))
     np.testing.assert_equal(recording.noise, [np.nan, 0.001, np.nan])
     model = recording.spec().compile()
-    assert model.nsensor == 3 and (recording.period / model.opt.timestep) % 1 == pytest.approx(0)
+    assert model.nsensor == 4 and (recording.period / model.opt.timestep) % 1 == pytest.approx(0)
     assert inputs(path) == [tmp_path / "arm.xml", tmp_path / "a.csv", tmp_path / "b.csv"]
     assert main(["check", str(path)]) == 0 and "good" in capsys.readouterr().out
 
@@ -405,6 +427,79 @@ def test_rows_of_one_file_are_split_into_runs(tmp_path):
     ]
     got = read_case(write_case(tmp_path, altered(runs=runs)))
     assert [run.name for run in got.runs] == ["one", "log 2"]
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "words"),
+    [
+        ({}, {"select": {"half": 2}}, "the same rows"),
+        ({"select": {"half": [1, 2]}}, {"select": {"half": 2}}, "the same rows"),
+        ({"stop": 1.0}, {"start": 0.9, "columns": {"w": "u1"}}, "the same rows"),
+        ({"select": {"half": 1}}, {"select": {"half": 2}}, ""),
+        ({"stop": 1.0}, {"start": 1.1}, ""),
+        ({"columns": {"q1": "q1"}}, {"columns": {"q1": "o1", "q2": "o2", "v2": "p2"}}, ""),
+    ],
+)
+def test_no_row_is_both_for_training_and_held_out(one, other, words, tmp_path, capsys):
+    path = write_case(tmp_path, altered(runs=[{"file": "a.csv", **one}, {"file": "a.csv", "name": "b", **other}]))
+    both = motion(1) | {"half": [1] * 400 + [2] * 351} | dict(zip(("o1", "o2", "p2"), swap(motion(2)), strict=True))
+    write_csv(tmp_path / "a.csv", both)
+    case = yaml.safe_load(path.read_text())
+    case["runs"][1]["held_out"] = True
+    path.write_text(yaml.safe_dump(case))
+    if words:
+        assert words in refused(path, capsys)
+    else:
+        assert [run.held_out for run in read_case(path).runs] == [False, True]
+
+
+def swap(columns: dict) -> list:
+    return [columns[name] for name in ("q1", "q2", "v2")]
+
+
+def test_files_of_one_name_are_told_apart_by_their_folder(tmp_path):
+    path = write_case(tmp_path, CASE)
+    expected = read_case(path)
+    for name, seed in (("a", 1), ("b", 2)):
+        for folder, kept in (("arm", ("q1", "q2", "v2")), ("drive", ("u1", "u2"))):
+            (tmp_path / folder).mkdir(exist_ok=True)
+            write_csv(tmp_path / folder / f"{name}.csv", {k: motion(seed)[k] for k in ("t", *kept)})
+    pairs = [[f"{folder}/{name}.csv" for folder in ("arm", "drive")] for name in "ab"]
+    runs = [{"file": files, "name": str(i), "held_out": i == 1} for i, files in enumerate(pairs)]
+    for one, other in zip(read_case(write_case(tmp_path, altered(runs=runs))).runs, expected.runs, strict=True):
+        np.testing.assert_array_equal(one.ctrl, other.ctrl)
+
+
+def test_counts_beside_a_clocks_nanoseconds_are_counts(tmp_path):
+    m = motion(1)
+    both = np.stack([np.round(m["t"] * 1e9) + 1.7e18, np.round(m["q1"] * 1e4)], 1).astype(np.int64)
+    np.savez(tmp_path / "log.npz", log=both)
+    time, counts = (column.values for column in read_table(tmp_path / "log.npz"))
+    np.testing.assert_array_equal(counts, np.round(m["q1"] * 1e4))
+    np.testing.assert_allclose(np.diff(time), 4e6, atol=300)
+
+
+def test_yaml_may_merge_tables(tmp_path):
+    path = write_case(tmp_path, CASE)
+    text = path.read_text().replace("  shoulder:\n    column: u1\n", "  shoulder: &drive\n    column: u1\n")
+    text = text.replace("  elbow:\n    column: u2\n    unit: N m\n", "  elbow:\n    <<: *drive\n    column: u2\n", 1)
+    assert "<<" in text
+    path.write_text(text)
+    np.testing.assert_allclose(read_case(path).runs[0].ctrl[:, 1], motion(1)["u2"])
+
+
+def test_two_free_bodies_need_no_names():
+    body = '<body><freejoint/><geom size="1"/></body>'
+    tree = ElementTree.fromstring(f"<mujoco><worldbody>{body}{body}</worldbody></mujoco>")
+    _name_free_joints(tree)
+    assert len({joint.get("name") for joint in tree.iter("freejoint")}) == 2
+
+
+def test_what_the_mjcf_includes_is_an_input(tmp_path):
+    path = write_case(tmp_path, CASE)
+    (tmp_path / "body.xml").write_text("<mujocoinclude><worldbody/></mujocoinclude>")
+    (tmp_path / "arm.xml").write_text(MODEL.replace("<worldbody>", '<include file="body.xml"/><worldbody>', 1))
+    assert [file.name for file in inputs(path)] == ["arm.xml", "body.xml", "a.csv", "b.csv"]
 
 
 def test_units_gains_and_counts_are_converted(tmp_path):
@@ -549,12 +644,12 @@ def test_init_takes_an_actuators_own_name_or_the_unit_of_a_drive_for_its_command
 def test_init_matches_names_and_says_what_is_open(tmp_path, capsys):
     write_case(tmp_path, CASE)
     names = {"t": "time [s]", "u1": "shoulder torque [N m]", "u2": "elbow_torque_Nm", "q1": "shoulder pos (rad)"}
-    names |= {"q2": "elbow_rad", "v2": "elbow velocity", "v1": "temperature"}
+    names |= {"q2": "elbow_rad", "v2": "elbow velocity [rad s⁻¹]", "v1": "temperature"}
     write_csv(tmp_path / "log.csv", {names[k]: v for k, v in motion(1).items()})
     out = tmp_path / "first.yaml"
     assert main(["init", str(tmp_path / "arm.xml"), str(tmp_path / "log.csv"), "-o", str(out)]) == 0
     said = capsys.readouterr().out
-    assert "temperature" in said and "the unit of 'elbow velocity'" in said
+    assert "temperature" in said and "the unit of 'elbow velocity [rad s⁻¹]'" in said
     assert main(["check", str(out)]) == 2 and "'?'" in capsys.readouterr().err
     out.write_text(out.read_text().replace("'?'", "rad/s"))
     assert main(["check", str(out)]) == 0

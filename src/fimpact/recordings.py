@@ -93,7 +93,8 @@ def _entry(array: str, kind: str, *index: int):
         return float(getattr(model, array)[place(model, site)])
 
     def put(model, site, value):
-        getattr(model, array)[place(model, site)] = value
+        rows = model.dof_jntid == model.joint(site).id if kind == "dof" else place(model, site)
+        getattr(model, array)[rows] = value
 
     return get, put
 

@@ -67,7 +67,7 @@ def _columns(name: str, value: np.ndarray, group: str) -> Iterator[Column]:
     elif kind == "O":
         yield from _cells(name, value, group)
     elif kind in "fiub":
-        yield from _numeric(name, exact(value) if kind in "iu" else value.astype(float), group)
+        yield from _numeric(name, value, group)
     elif kind in "US":
         text = np.atleast_1d(value).ravel().astype(str)
         yield Column(name, group, text, np.zeros(text.size, bool))
@@ -97,4 +97,6 @@ def _numeric(name: str, value: np.ndarray, group: str) -> Iterator[Column]:
 
 
 def _column(name: str, values: np.ndarray, group: str) -> Column:
+    # Each by itself: counts beside a clock's nanoseconds are no nanoseconds.
+    values = exact(values) if values.dtype.kind in "iu" else values.astype(float)
     return Column(name, group, np.ascontiguousarray(values), np.zeros(len(values), bool))

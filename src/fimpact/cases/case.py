@@ -9,10 +9,10 @@ import numpy as np
 from fimpact.cases import quaternions
 from fimpact.cases import start as starts
 from fimpact.cases.channels import Channel, channels, commands, place_sensors
-from fimpact.cases.checks import check_recording, check_sources
+from fimpact.cases.checks import check_recording, check_rows, check_sources
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
-from fimpact.cases.model import Naive, compiled, read_model
+from fimpact.cases.model import Naive, compiled, model_files, read_model
 from fimpact.cases.runs import Sampled, filtered_noise, held_commands, pieces, sample
 from fimpact.cases.sources import file_paths, sources
 from fimpact.cases.units import factor
@@ -45,7 +45,7 @@ def read_case(path: str | Path, data_root: str | Path | None = None) -> Recordin
 
 
 def inputs(path: str | Path, data_root: str | Path | None = None) -> list[Path]:
-    """Files that a case reads besides itself: the cases it extends, its MJCF, then its data, each once.
+    """Files that a case reads besides itself: its bases, its MJCF and what that includes, its data; each once.
 
     Raises:
         CaseError: the case is not valid; whether the files exist is not looked at.
@@ -53,7 +53,7 @@ def inputs(path: str | Path, data_root: str | Path | None = None) -> list[Path]:
     case = load(Path(path))
     root = _root(case, Path(path), data_root)
     data = [file for run in case["runs"] for file in file_paths(run, root)]
-    return list(dict.fromkeys([*bases(Path(path)), Path(case["model"]), *data]))
+    return list(dict.fromkeys([*bases(Path(path)), *model_files(Path(case["model"])), *data]))
 
 
 def _root(case: dict, path: Path, data_root: str | Path | None) -> Path:
@@ -70,7 +70,9 @@ def _sampled(case: dict, naive: Naive, root: Path):
     drives, seen = commands(naive, case.get("commands", {})), channels(naive.model, case["measurements"])
     runs = sources(case, root)
     check_sources(runs)
-    return [sample(run, time, case.get("nan", "error"), drives, seen, unit) for run in runs], drives, seen
+    sampled = [sample(run, time, case.get("nan", "error"), drives, seen, unit) for run in runs]
+    check_rows(runs, [*(one.column for one in drives), *(column for one in seen for column in one.columns)])
+    return sampled, drives, seen
 
 
 def _period(case: dict, naive: Naive, sampled: list[Sampled]) -> float:
@@ -81,15 +83,18 @@ def _period(case: dict, naive: Naive, sampled: list[Sampled]) -> float:
         raise CaseError(
             f"rate is {case['rate']} Hz, but the samples come at {1 / fastest:.5g} Hz; allowed: up to that; lower it"
         )
-    steps = int(np.ceil(wanted / naive.model.opt.timestep - 1e-3))
+    steps = _steps(wanted, naive.model)
     return steps * float(f"{wanted / steps:.6g}")
+
+
+def _steps(period: float, model: mujoco.MjModel) -> int:
+    return max(1, int(np.ceil(period / model.opt.timestep - 1e-3)))
 
 
 def _recording(
     case: dict, naive: Naive, seen: list[Channel], drives, sampled: list[Sampled], period: float
 ) -> Recording:
-    steps = int(np.ceil(period / naive.model.opt.timestep - 1e-3))
-    naive.tree.append(_option(period / steps))
+    naive.tree.append(_option(period / _steps(period, naive.model)))
     names = tuple(name for channel in seen for name in channel.names)
     noise = np.array([channel.noise for channel in seen for _ in channel.columns])
     filtered = [filtered_noise(sampled, column, one, period) for column, one in enumerate(noise)]

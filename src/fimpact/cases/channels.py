@@ -23,6 +23,13 @@ UNITS = {
     kinds.FORCE: "N",
     kinds.TORQUE: "N m",
     kinds.TOUCH: "N",
+    kinds.FRAMELINACC: "m/s^2",
+    kinds.FRAMEANGACC: "rad/s^2",
+    kinds.BALLANGVEL: "rad/s",
+    kinds.RANGEFINDER: "m",
+    kinds.SUBTREECOM: "m",
+    kinds.SUBTREELINVEL: "m/s",
+    kinds.CLOCK: "s",
 }
 FRAME = {
     "position": "framepos",
@@ -178,7 +185,22 @@ def _sensor_unit(model: mujoco.MjModel, sensor, type_: int) -> tuple[str | None,
         joint = model.joint(sensor.objid[0])
         length = "m" if joint.type[0] == kinds.SLIDE else "rad"
         return (length if type_ == kinds.JOINTPOS else f"{length}/s"), joint.name
-    return UNITS.get(type_), ""
+    return UNITS.get(type_, _moved_unit(model, sensor, type_)), ""
+
+
+def _moved_unit(model: mujoco.MjModel, sensor, type_: int) -> str | None:
+    """Unit of a sensor of what acts on a joint or of an actuator at one; None: of no such sensor."""
+    if type_ == kinds.JOINTACTFRC:
+        joint = model.joint(sensor.objid[0])
+    elif type_ in (kinds.ACTPOS, kinds.ACTVEL, kinds.ACTFRC):
+        actuator = model.actuator(sensor.objid[0])
+        if actuator.trntype[0] not in kinds.AT_JOINT:
+            return None
+        joint = model.joint(actuator.trnid[0])
+    else:
+        return None
+    length, force = ("m", "N") if joint.type[0] == kinds.SLIDE else ("rad", "N m")
+    return {kinds.ACTPOS: length, kinds.ACTVEL: f"{length}/s"}.get(type_, force)
 
 
 def commands(naive: Naive, table: dict) -> list[Command]:
@@ -229,7 +251,7 @@ def ctrl_unit(model: mujoco.MjModel, name: str) -> str | None:
     slide = model.joint(actuator.trnid[0]).type[0] == kinds.SLIDE
     gain, bias = actuator.gainprm[0], actuator.biasprm
     if actuator.biastype[0] == kinds.NO_BIAS:
-        return "N" if slide else "N m"
+        return None if gain != 1.0 else "N" if slide else "N m"
     if gain and gain == -bias[1]:
         return "m" if slide else "rad"
     if gain and gain == -bias[2]:

@@ -1,6 +1,7 @@
 """Whether a recording can be what it says it is: each doubt is one line that names the likely cause."""
 
 from collections.abc import Iterator
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -9,8 +10,9 @@ from fimpact.cases import kinds
 from fimpact.cases.channels import Channel
 from fimpact.cases.errors import CaseError
 from fimpact.cases.physics import Motion, derivative, doubts
+from fimpact.cases.readers import Column
 from fimpact.cases.runs import FEWEST
-from fimpact.cases.sources import Source
+from fimpact.cases.sources import Source, find
 from fimpact.recordings import Recording
 
 DEGREES, THOUSAND = 180 / np.pi, 1000.0
@@ -34,7 +36,7 @@ def check_sources(runs: list[Source]) -> None:
     """Judge the runs before they are sampled.
 
     Raises:
-        CaseError: nothing to train on or to hold out, or rows that are in both.
+        CaseError: nothing to train on or to hold out.
     """
     training, held = [run for run in runs if not run.held_out], [run for run in runs if run.held_out]
     if not training:
@@ -44,13 +46,34 @@ def check_sources(runs: list[Source]) -> None:
             f"runs: none of {len(runs)} runs is held out; only held-out runs can judge a model; "
             "write `held_out: true` on at least one"
         )
-    for one in held:
-        for other in training:
-            if one.origin == other.origin and one.start < other.stop and other.start < one.stop:
-                raise CaseError(
-                    f"held-out run '{one.name}' and training run '{other.name}' are the same rows of "
-                    f"{one.origin[0][0]}; allowed: other runs, or `start` and `stop` that do not overlap"
-                )
+
+
+def check_rows(runs: list[Source], used: list[str | int]) -> None:
+    """Whether no row of the `used` columns is both for training and held out.
+
+    Raises:
+        CaseError: some are.
+    """
+    columns = {run.name: [find(run.table, name, run.where) for name in used] for run in runs}
+    training, held = [run for run in runs if not run.held_out], [run for run in runs if run.held_out]
+    for one, other in product(held, training):
+        both = list(zip(columns[one.name], columns[other.name], strict=True))
+        apart = one.start >= other.stop or other.start >= one.stop
+        if all(_meet(a, b) for a, b in both) and not (apart and all(_same(a.rows, b.rows) for a, b in both)):
+            raise CaseError(
+                f"held-out run '{one.name}' and training run '{other.name}' are the same rows of {one.files[0].name}; "
+                "allowed: other runs, or, of one `select`, `start` and `stop` that do not overlap"
+            )
+
+
+def _meet(one: Column, other: Column) -> bool:
+    if one.origin != other.origin:
+        return False
+    return one.rows is None or other.rows is None or bool(np.intersect1d(one.rows, other.rows).size)
+
+
+def _same(one: np.ndarray | None, other: np.ndarray | None) -> bool:
+    return one is other or (one is not None and other is not None and np.array_equal(one, other))
 
 
 def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Channel], accept: set[str]) -> None:
@@ -83,7 +106,7 @@ def _lengths(recording: Recording) -> Iterator[str]:
             yield (
                 f"run '{run.name}' has {len(run.measured)} samples of {recording.period:.6g} s, "
                 f"{len(run.measured) * recording.period:.4g} s in all; allowed: {least} or more "
-                f"(window {recording.window:g} s); remove it, or make the window shorter"
+                f"(window {recording.window:g} s); remove it, make the window shorter, or correct time.unit"
             )
 
 

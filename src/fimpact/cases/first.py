@@ -186,7 +186,7 @@ def _best(column: str, names: list[str]) -> str:
 
 def _named(column: str, names: list[str], first: First) -> str:
     """The name that fits, or that of the number in the column's name: ``pos2`` is the second joint of the MJCF."""
-    numbers = [int(word) for word in words(column) if word.isdigit()]
+    numbers = [int(word) for word in words(column) if word.isdecimal()]
     found = _best(column, names)
     if found or len(numbers) != 1 or not 1 <= numbers[0] <= len(names):
         return found

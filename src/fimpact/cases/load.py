@@ -11,6 +11,7 @@ from fimpact.cases.errors import CaseError, reason
 from fimpact.complaints import in_words, most_telling, name
 
 SCHEMA = Path(__file__).with_name("schema.yaml")
+MOST = 100_000  # values of a case
 
 
 class _Loader(yaml.SafeLoader):
@@ -18,7 +19,7 @@ class _Loader(yaml.SafeLoader):
 
 
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict:
-    keys = [str(loader.construct_object(key, deep=True)) for key, _ in node.value]
+    keys = [key.value if isinstance(key, yaml.ScalarNode) else str(key) for key, _ in node.value]
     twice = [key for index, key in enumerate(keys) if key in keys[:index] and key != "<<"]
     if twice:
         raise yaml.YAMLError(f"the key '{twice[0]}' is given twice in line {node.start_mark.line + 1}")
@@ -64,11 +65,24 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict:
         raise CaseError(f"{path}: `extends` comes back to this file; remove it from one of them")
     try:
         case = yaml.load(path.read_text(encoding="utf-8"), _Loader)
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+    except OSError:
+        raise
+    except Exception as error:
         raise CaseError(f"{path} is not YAML: {reason(error)}; correct it") from None
+    if _entries(case) > MOST:
+        raise CaseError(f"{path} has more than {MOST} entries once its aliases are unfolded; write it without them")
     if not isinstance(case, dict):
         raise CaseError(f"{path} is not a table of keys; see config/recordings/README.md for an example")
     return _extended(_anchored(case, path.parent), path, seen)
+
+
+def _entries(value: object) -> int:
+    """How many values are nested in `value`, counted up to a little beyond `MOST`."""
+    left, count = [value], 0
+    while left and count <= MOST:
+        part, count = left.pop(), count + 1
+        left += part.values() if isinstance(part, dict) else part if isinstance(part, list) else ()
+    return count
 
 
 def _extended(case: dict, path: Path, seen: tuple[Path, ...]) -> dict:

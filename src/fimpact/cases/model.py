@@ -48,11 +48,40 @@ def read_model(path: Path) -> Naive:
     _absolute_assets(tree, path.resolve().parent)
     _name_free_joints(tree)
     naive = Naive(path, tree, compiled(tree, path))
+    if naive.model.nhistory or naive.model.npluginstate:
+        raise CaseError(
+            f"MJCF {path} has a plugin, a delay or an interval with a state of its own, which no log shows; allowed: "
+            "models without; leave it out: delays are among what is looked for"
+        )
     for kind in NAMED:
         for name in naive.names(kind):
             if set(name) & set(FORBIDDEN):
                 raise CaseError(f"MJCF {path}: {kind} '{name}' has one of {' '.join(FORBIDDEN)} in it; rename it")
     return naive
+
+
+def model_files(path: Path) -> list[Path]:
+    """The MJCF, and what it includes or takes meshes and textures from; of one that cannot be read, itself alone."""
+    try:
+        found = [path]
+        tree = _parsed(path, path)
+        _include(tree, path, (path.resolve(),), found)
+    except CaseError:
+        return found
+    _absolute_assets(tree, path.resolve().parent)
+    return list(dict.fromkeys(found + _assets(tree)))
+
+
+def _assets(tree: ElementTree.Element) -> list[Path]:
+    folders = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
+    given = {key: value for compiler in tree.iter("compiler") for key, value in compiler.attrib.items()}
+    found = [
+        Path(given.get(folder, ".")) / asset.get("file", "")
+        for tag, folder in folders.items()
+        for asset in tree.iter(tag)
+        if asset.get("file")
+    ]
+    return [file for file in found if file.is_file()]
 
 
 def compiled(tree: ElementTree.Element, path: Path) -> mujoco.MjModel:
@@ -80,14 +109,14 @@ def _parsed(path: Path, main: Path) -> ElementTree.Element:
         raise CaseError(f"MJCF {path}{what} is not XML: {reason(error)}; correct it") from None
 
 
-def _include(tree: ElementTree.Element, main: Path, seen: tuple[Path, ...]) -> None:
+def _include(tree: ElementTree.Element, main: Path, seen: tuple[Path, ...], found: list[Path] | None = None) -> None:
     for parent in list(tree.iter()):
         for position, child in reversed(list(enumerate(parent))):
             if child.tag == "include":
-                parent[position : position + 1] = list(_included(child.get("file", ""), main, seen))
+                parent[position : position + 1] = list(_included(child.get("file", ""), main, seen, found))
 
 
-def _included(file: str, main: Path, seen: tuple[Path, ...]) -> ElementTree.Element:
+def _included(file: str, main: Path, seen: tuple[Path, ...], found: list[Path] | None) -> ElementTree.Element:
     path, folder = (main.parent / file).resolve(), main.resolve().parent
     if not path.is_relative_to(folder):
         raise CaseError(
@@ -96,7 +125,9 @@ def _included(file: str, main: Path, seen: tuple[Path, ...]) -> ElementTree.Elem
     if path in seen:
         raise CaseError(f"MJCF {main} includes '{file}' again from within itself; remove one of the includes")
     tree = _parsed(path, main) if path.is_file() else _parsed(main.parent / file, main)
-    _include(tree, main, (*seen, path))
+    if found is not None:
+        found.append(path)
+    _include(tree, main, (*seen, path), found)
     return tree
 
 
@@ -113,8 +144,8 @@ def _absolute_assets(tree: ElementTree.Element, folder: Path) -> None:
 def _name_free_joints(tree: ElementTree.Element) -> None:
     # Which body is free needs no name in an MJCF; starts, states and effects are told apart by the joint's.
     taken = {joint.get("name") for tag in ("joint", "freejoint") for joint in tree.iter(tag)}
-    for body in tree.iter("body"):
-        name = f"{body.get('name', '')} free"
+    for number, body in enumerate(tree.iter("body"), 1):
+        name = f"{body.get('name') or f'body {number}'} free"
         for joint in body:
             free = joint.tag == "freejoint" or (joint.tag == "joint" and joint.get("type") == "free")
             if free and not joint.get("name") and name not in taken:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fimpact.cases.errors import CaseError, listed, reason
 
-DAY = 86_400 * 10**9  # ns
+SPAN = 100 * 86_400 * 10**9  # ns that float holds exactly: 100 days
 LARGEST = 4 << 30  # bytes of numbers in a file; more than this is a compressed bomb or needs decimation before
 
 
@@ -16,17 +16,22 @@ LARGEST = 4 << 30  # bytes of numbers in a file; more than this is a compressed 
 class Column:
     """A column of a file: values (n,), numbers or text; absent (n,), True where the file has no value at all.
 
-    group: what shares its rows and its time, such as a file or a topic.
+    group: what shares its rows and its time, such as a file or a topic. clock: whether these are times in s already.
+    origin: its file, group and name there. rows: which of that file's it holds; None: all.
     """
 
     name: str
     group: str
     values: np.ndarray
     absent: np.ndarray
+    clock: bool = False
+    origin: tuple[str, ...] = ()
+    rows: np.ndarray | None = None
 
     def take(self, rows: np.ndarray) -> "Column":
         """The same column at some rows."""
-        return replace(self, values=self.values[rows], absent=self.absent[rows])
+        kept = (np.arange(len(self.values)) if self.rows is None else self.rows)[rows]
+        return replace(self, values=self.values[rows], absent=self.absent[rows], rows=kept)
 
 
 Table = list[Column]
@@ -42,7 +47,7 @@ def read_table(path: Path) -> Table:
     if not path.is_file():
         raise CaseError(f"data file {path} does not exist; put it there, correct `file`, or point to it with --data")
     try:
-        return reader(path)
+        return [replace(one, origin=(str(path.resolve()), one.group, one.name)) for one in reader(path)]
     except CaseError:
         raise
     except Exception as error:
@@ -53,10 +58,11 @@ def read_table(path: Path) -> Table:
 
 
 def exact(whole: np.ndarray) -> np.ndarray:
-    """Whole numbers as float; of nanoseconds since 1970, which float cannot hold, the part since a midnight."""
+    """Whole numbers as float; of nanoseconds since 1970, which float cannot hold, the part since a midnight at most a
+    hundred days before the first."""
     if not whole.size or np.abs(whole).max() < 1 << 53:
         return whole.astype(float)
-    return (whole - whole[whole != 0][0] // DAY * DAY).astype(float)
+    return (whole - whole[whole != 0][0] // SPAN * SPAN).astype(float)
 
 
 def _reader(path: Path) -> Callable[[Path], Table]:
@@ -104,19 +110,19 @@ def _arrow(table, path: Path) -> Table:
     return [Column(name, path.name, *_plain(values.combine_chunks())) for name, values in columns]
 
 
-def _plain(values) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers or text of an Arrow array, and where it has none; stamps of a clock become seconds."""
+def _plain(values) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Numbers or text of an Arrow array, where it has none, and whether they are stamps of a clock, in s."""
     import pyarrow as pa
 
     absent = np.asarray(values.is_null())
     if pa.types.is_timestamp(values.type):
         values = values.cast(pa.timestamp("ns")).cast(pa.int64())
-        return np.where(absent, np.nan, 1e-9 * exact(np.asarray(values.fill_null(0)))), absent
+        return np.where(absent, np.nan, 1e-9 * exact(np.asarray(values.fill_null(0)))), absent, True
     if pa.types.is_integer(values.type):
-        return np.where(absent, np.nan, exact(np.asarray(values.fill_null(0)))), absent
+        return np.where(absent, np.nan, exact(np.asarray(values.fill_null(0)))), absent, False
     if pa.types.is_string(values.type) or pa.types.is_large_string(values.type) or pa.types.is_dictionary(values.type):
-        return np.array([str(value) for value in values.to_pylist()]), absent
+        return np.array([str(value) for value in values.to_pylist()]), absent, False
     others = pa.types.is_nested, pa.types.is_binary, pa.types.is_date, pa.types.is_time, pa.types.is_duration
     if any(other(values.type) for other in others):
-        return np.full(len(values), "(not a number)"), absent
-    return np.asarray(values.cast(pa.float64()).fill_null(np.nan), dtype=float), absent
+        return np.full(len(values), "(not a number)"), absent, False
+    return np.asarray(values.cast(pa.float64()).fill_null(np.nan), dtype=float), absent, False

@@ -39,11 +39,12 @@ def _schemas(reader) -> dict[str, str]:
     summary = reader.get_summary()
     if summary is None:
         raise CaseError("data file has no summary: it was not closed; repair it with `mcap recover`")
-    return {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+    named = {channel.topic: summary.schemas.get(channel.schema_id) for channel in summary.channels.values()}
+    return {topic: schema.name if schema else "messages without a schema" for topic, schema in named.items()}
 
 
 def _columns(topic: str, states: list, path: Path) -> Table:
-    columns = {"time": 1e-9 * exact(np.array([_stamp(log_time, state) for log_time, state in states]))}
+    columns = {"time": 1e-9 * exact(_stamps(states))}
     joints = sorted({joint for _, state in states for joint in state.name})
     for field in FIELDS:
         for joint in joints:
@@ -52,12 +53,13 @@ def _columns(topic: str, states: list, path: Path) -> Table:
     absent = {
         name: np.isnan(values) & np.array([_lacks(state, name) for _, state in states]) for name, values in kept.items()
     }
-    return [Column(name, topic, values, absent[name]) for name, values in kept.items()]
+    return [Column(name, topic, values, absent[name], clock=name == "time") for name, values in kept.items()]
 
 
-def _stamp(log_time: int, state) -> int:
-    stamp = state.header.stamp
-    return stamp.sec * 10**9 + stamp.nanosec if stamp.sec or stamp.nanosec else log_time
+def _stamps(states: list) -> np.ndarray:
+    """Times (n,) in ns from the headers; from the log where no header has one (a simulated clock begins at 0)."""
+    headers = np.array([state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for _, state in states])
+    return headers if headers.any() else np.array([log_time for log_time, _ in states])
 
 
 def _entry(state, field: str, joint: str, path: Path) -> float:

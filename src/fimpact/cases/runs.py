@@ -108,6 +108,8 @@ class _Reader:
         times = find(self.source.table, name, f"{here}, time", column.group)
         if times.values.dtype.kind != "f":
             raise CaseError(f"{here}: its time '{times.name}' is text; allowed: numbers or ISO dates; correct `time`")
+        if times.clock and self.unit != 1.0:
+            raise CaseError(f"{here}: its time '{times.name}' holds dates, which count as s; write `unit: s`")
         return times.values * self.unit
 
 
@@ -127,6 +129,12 @@ def pieces(run: Sampled, period: float) -> Iterator[tuple[str, float, int, np.nd
     bounds = run.commands or [one for one in run.measured if one]
     start = (max if run.commands else min)(one.time[0] for one in bounds)
     stop = (min if run.commands else max)(one.time[-1] for one in bounds)
+    for one in filter(None, run.measured if run.commands else []):
+        if start >= stop or one.time[-1] < start or one.time[0] > stop:
+            raise CaseError(
+                f"{run.source.where}: every command is known from {start:.9g} to {stop:.9g} s only, but a measurement "
+                f"goes from {one.time[0]:.9g} to {one.time[-1]:.9g} s; all times must be of one clock; correct `time`"
+            )
     parts = stretches(run.commands, start, stop)
     for index, (low, high) in enumerate(parts):
         count = int((high - low) / period + 1e-6) + 1

@@ -13,12 +13,12 @@ from fimpact.cases.readers import Column, Table, read_table
 
 @dataclass(frozen=True)
 class Source:
-    """Columns of one run before any conversion. origin: files and selection, for messages and comparison."""
+    """Columns of one run before any conversion."""
 
     name: str
     table: Table
     held_out: bool
-    origin: tuple
+    files: tuple[Path, ...]
     start: float
     stop: float
     state: dict
@@ -26,7 +26,7 @@ class Source:
     @property
     def where(self) -> str:
         """How messages name it."""
-        return f"run '{self.name}' ({', '.join(Path(file).name for file in self.origin[0])})"
+        return f"run '{self.name}' ({', '.join(file.name for file in self.files)})"
 
 
 def sources(case: dict, root: Path) -> list[Source]:
@@ -54,13 +54,26 @@ def _entry_sources(entry: dict, root: Path, files: dict[Path, Table]) -> Iterato
     for path in paths:
         if path not in files:
             files[path] = read_table(path)
-    table, name = [column for path in paths for column in files[path]], entry.get("name", paths[0].stem)
+    table, name = _joined({path: files[path] for path in paths}), entry.get("name", paths[0].stem)
     for label, part in _parts(entry, table, f"run '{name}' ({paths[0].name})"):
         full = label if entry.get("array") and "name" not in entry else " ".join(filter(None, (name, label)))
-        origin = (tuple(map(str, paths)), label, repr(entry.get("select")), repr(entry.get("columns")))
         span = float(entry.get("start", 0.0)), float(entry.get("stop", np.inf))
         part = _renamed(part, entry.get("columns", {}), f"run '{full}'")
-        yield Source(full, part, entry.get("held_out", False), origin, *span, entry.get("state", {}))
+        yield Source(full, part, entry.get("held_out", False), tuple(paths), *span, entry.get("state", {}))
+
+
+def _joined(tables: dict[Path, Table]) -> Table:
+    """Columns of all files. A group that several have (files of one name, parts of a bag) is told apart by the path."""
+    groups = {path: {column.group for column in table} for path, table in tables.items()}
+    return [
+        replace(column, group=f"{path} {column.group}") if _elsewhere(column.group, path, groups) else column
+        for path, table in tables.items()
+        for column in table
+    ]
+
+
+def _elsewhere(group: str, path: Path, groups: dict[Path, set[str]]) -> bool:
+    return any(group in other for there, other in groups.items() if there != path)
 
 
 def _parts(entry: dict, table: Table, where: str) -> Iterator[tuple[str, Table]]:
@@ -74,7 +87,7 @@ def _parts(entry: dict, table: Table, where: str) -> Iterator[tuple[str, Table]]
         return
     by = find(table, entry["split"], where)
     for value in dict.fromkeys(by.values.tolist()):
-        label = f"{value:g}" if isinstance(value, float) else str(value)
+        label = f"{value:.15g}" if isinstance(value, float) else str(value)
         yield label, _rows(table, entry["split"], [value], where)
 
 
@@ -112,7 +125,8 @@ def is_number(value: object) -> bool:
 
 
 def _renamed(table: Table, names: dict, where: str) -> Table:
-    return table + [replace(find(table, column, where), name=name) for name, column in names.items()]
+    given = [replace(find(table, column, where), name=name) for name, column in names.items()]
+    return [column for column in table if column.name not in names] + given
 
 
 def find(table: Table, name: str | int, where: str, group: str | None = None) -> Column:
