@@ -61,7 +61,7 @@ def test_a_folder_that_is_not_ours_is_refused_before_the_work(case, tmp_path, mo
     (tmp_path / "thesis.tex").touch()
     monkeypatch.setattr("fimpact.diagnose_recording.diagnose", lambda *_: pytest.fail("an hour's work was lost"))
     assert main(["diagnose", str(case), "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.startswith(f"fimpact: {tmp_path} holds ['thesis.tex'], no report of ours")
+    assert capsys.readouterr().err.startswith(f"fimpact: {tmp_path} holds thesis.tex, no report of ours")
     assert main(["diagnose", str(case), "--out", str(tmp_path / "thesis.tex" / "page")]) == 2
     assert "cannot be written or replaced" in capsys.readouterr().err
 

@@ -11,9 +11,11 @@ from test_model import XML, diagnosis_of, record
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.film import draw_film
+from fimpact.film import _bodies, draw_film
 from fimpact.gif import FEWEST, write_gif
 from fimpact.motion import configurations, readings_of, scene_of, stretch, undrawable
+from fimpact.scene import Scene, outline
+from fimpact.stage import View
 
 FREE = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="cube" pos="0 0 1"><freejoint/>
 <geom type="box" size="0.1 0.1 0.1"/></body></worldbody><sensor><framepos name="p" objtype="body" objname="cube"/>
@@ -76,6 +78,19 @@ def test_a_film_shows_all_three_and_stays_small(diagnosis, tmp_path):
     assert (tmp_path / "motion.gif").stat().st_size < 1_500_000
     for colour in ((0xD5, 0x5E, 0x00), (0x00, 0x72, 0xB2)):
         assert (np.abs(shot - colour).sum(1) < 90).any()
+
+
+def test_what_is_seen_edge_on_is_a_line_and_what_has_left_is_nothing(diagnosis):
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><freejoint/><geom type='box' size='0.1 0.2 0.3'/></body></worldbody></mujoco>"
+    )
+    position, rotation = np.zeros((2, 1, 3)), np.tile(np.eye(3), (2, 1, 1, 1))
+    position[1], rotation[0, 0, 0, 0] = 1e300, 0.0  # a plate that is seen from its edge; far away
+    scene = Scene(model, (0, 2), np.arange(2.0), position, rotation, (), np.zeros((2, 1)), np.zeros((0, 2)))
+    ends = outline(scene, 0, 0)
+    assert len(ends) == 2 and np.ptp(ends, axis=0) == pytest.approx([0, 0.6])
+    view = View(np.zeros(2), np.ones(2), 1.0, (0, 1))
+    assert _bodies(None, scene, 1, "black", 1.0, view) == []
 
 
 def test_what_cannot_be_drawn_leaves_no_file(diagnosis, tmp_path):

@@ -4,6 +4,7 @@ import base64
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.naming import Naming
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.step import Step
-from fimpact.report import write_report
+from fimpact.report import check_folder, write_report
 from fimpact.report_contents import describe_inputs, to_text
 from fimpact.report_numbers import pair, short
 from fimpact.report_where import timeline
@@ -160,6 +161,24 @@ def test_other_peoples_files_are_not_replaced(diagnosis, tmp_path):
     with pytest.raises(FileExistsError, match=r"thesis\.tex"):
         write_report(diagnosis, tmp_path, provenance={})
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_a_folder_that_cannot_be_replaced_is_refused_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for folder in (".", "..", tmp_path):
+        with pytest.raises(OSError, match="choose"):
+            check_folder(Path(folder))
+    with pytest.raises(FileExistsError, match="is no folder"):
+        check_folder(Path("/dev/null"))
+
+
+def test_a_report_behind_a_link_is_replaced_where_it_is(diagnosis, tmp_path, monkeypatch):
+    monkeypatch.setattr(report_contents, "draw_film", lambda *_: "No film.")
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to("there")
+    write_report(diagnosis, tmp_path / "link", provenance={})
+    assert (tmp_path / "link").is_symlink() and (tmp_path / "there" / "report.html").is_file()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "there"]
 
 
 def test_nothing_missing_is_a_page_too(tmp_path):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from fimpact.cases.errors import CaseError, reason
+from fimpact.cases.errors import CaseError
 
 BAD_INPUT = 2
 
@@ -36,7 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"fimpact: {where}{error.strerror or reason(error)}", file=sys.stderr)
+        what = error.strerror or " ".join(str(error).split()) or type(error).__name__
+        print(f"fimpact: {where}{what}", file=sys.stderr)
     except KeyboardInterrupt:
         print("fimpact: interrupted; nothing was written", file=sys.stderr)
         return 130

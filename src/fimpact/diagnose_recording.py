@@ -36,10 +36,11 @@ def diagnose_recording(
     recording = read_case(case, data)
     if effects:
         progress(f"adding {', '.join(load_effects(effects))} to the catalogue")
+    files = [Path(case), *inputs(case, data), *([Path(effects)] if effects else [])]
+    provenance = describe_inputs(files)  # of what was read, whatever becomes of it meanwhile
     found = diagnose(recording, progress)
     if len(found.naming.contenders) > 1:
         progress("designing the experiment that tells the names apart")
     experiment = next_experiment(found)
     progress("writing the page")
-    files = [Path(case), *inputs(case, data), *([Path(effects)] if effects else [])]
-    return found, write_report(found, folder, experiment, provenance=describe_inputs(files))
+    return found, write_report(found, folder, experiment, provenance=provenance)

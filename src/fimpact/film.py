@@ -125,10 +125,11 @@ def _act(tops: list[Axes], bottoms: list[Axes], scenes: dict[str, Scene], step: 
 
 def _bodies(ax: Axes, scene: Scene, step: int, colour: str, alpha: float, view: View) -> list[tuple[Axes, Artist]]:
     """What moves at one step, or dots in its place where it is too small to be seen; nothing where it has left."""
+    places = scene.position[step][np.ix_(geoms(scene), scene.axes)]
+    if np.abs(places - (view.low + view.high) / 2).max() > FAR * view.extent.max():
+        return []
     shapes = [shape for geom in geoms(scene) if len(shape := outline(scene, geom, step))]
     middles = np.array([shape.mean(0) for shape in shapes])
-    if np.abs(middles - (view.low + view.high) / 2).max() > FAR * view.extent.max():
-        return []
     if max(np.ptp(shape, axis=0).max() for shape in shapes) < SMALL * view.extent.max():
         (dots,) = ax.plot(*middles.T, "o", color=colour, alpha=alpha, markersize=7, markeredgewidth=0)
         return [(ax, dots)]

@@ -46,10 +46,10 @@ def write_report(
     Raises:
         FileExistsError: `folder` holds files that are no part of a report.
     """
-    folder = Path(folder)
-    check_folder(folder)
-    folder.absolute().parent.mkdir(parents=True, exist_ok=True)
-    building = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.absolute().parent))
+    check_folder(Path(folder))
+    folder = Path(folder).resolve()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    building = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     try:
         _fill(diagnosis, building, experiment, provenance)
         building.chmod(0o755)
@@ -66,9 +66,12 @@ def check_folder(folder: Path) -> None:
         FileExistsError: it holds files that are no part of a report. PermissionError: nothing can be written there.
     """
     strange = sorted(p.name for p in folder.iterdir() if p.name not in OURS) if folder.is_dir() else []
-    if strange or folder.is_file():
-        raise FileExistsError(f"{folder} holds {strange or 'a file'}, no report of ours; choose another folder")
-    above = next(parent for parent in folder.absolute().parents if parent.exists())
+    if strange or (folder.exists() and not folder.is_dir()):
+        what = f"holds {', '.join(strange[:6])}" if strange else "is no folder"
+        raise FileExistsError(f"{folder} {what}, no report of ours; choose another folder with --out")
+    if Path.cwd().is_relative_to(folder.resolve()):
+        raise PermissionError(f"{folder} is where this runs and cannot be replaced; choose a folder in it with --out")
+    above = next(parent for parent in folder.resolve().parents if parent.exists())
     if folder.is_mount() or not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
         raise PermissionError(f"{folder} cannot be written or replaced; choose another folder with --out")
 

@@ -72,7 +72,8 @@ def worst_channels(diagnosis: Diagnosis) -> list[int]:
     problem = diagnosis.bench.held_out
     sizes = list(diagnosis.evidence.by_channel.values())
     ratio = [before / noise for (before, _), noise in zip(sizes, problem.noise.mean((0, 1)), strict=True)]
-    return sorted(np.argsort(ratio)[::-1][:CHANNELS].tolist())
+    # What no held-out run measured has no error, and comes last.
+    return sorted(np.argsort(np.nan_to_num(ratio, nan=-1.0))[::-1][:CHANNELS].tolist())
 
 
 def _window_time(period: float, windows, at) -> np.ndarray:
@@ -119,7 +120,9 @@ def candidates(diagnosis: Diagnosis) -> Figure:
     labels = [_wrapped(row["name"]) for row in rows]
     lines = max(label.count("\n") + 1 for label in labels)
     figure, ax = plt.subplots(figsize=(WIDTH, max(0.27, 0.14 * lines + 0.04) * len(rows) + 1.0))
-    values = [row["error"] for row in rows]
+    # What diverges on held-out runs ends beyond the axis.
+    largest = max(row["error"] for row in rows if np.isfinite(row["error"]))
+    values = [row["error"] if np.isfinite(row["error"]) else 10 * largest for row in rows]
     floor = diagnosis.evidence.noise_floor
     low = 0.6 * min(floor, *values)
     logarithmic = max(values) > 5 * floor
@@ -132,8 +135,9 @@ def candidates(diagnosis: Diagnosis) -> Figure:
         ax.set_xlim(0, 1.2 * max(*values, floor))
     colours = {"best": IMPROVED, "alike": ALIKE, "naive": NAIVE, "rival": RIVAL}
     ax.barh(range(len(rows)), values, color=[colours[row["role"]] for row in rows], height=0.7)
-    for i, value in enumerate(values):
-        ax.annotate(f"{value:.3g}", (ends[i], i), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5)
+    look = {"xytext": (3, 0), "textcoords": "offset points", "va": "center", "fontsize": 7.5}
+    for i, row in enumerate(rows):
+        ax.annotate(f"{row['error']:.3g}", (ends[i], i), **look)
     ax.set_yticks(range(len(rows)), labels, fontsize=7.5)
     ax.invert_yaxis()
     ax.axvline(floor, color=INK, linestyle=":", linewidth=1.3)

@@ -103,14 +103,16 @@ def state(diagnosis: Diagnosis) -> Figure:
     """Unexplained force of the located joint against its speed and position, and what the improved model adds."""
     location, model = diagnosis.location, diagnosis.bench.training.simulator.base
     dof = located_dof(diagnosis)
-    position = int(model.jnt_qposadr[model.dof_jntid[dof]] + dof - model.jnt_dofadr[model.dof_jntid[dof]])
     force, deviation = (part[..., dof].ravel() for part in (location.force, location.deviation))
     added = added_force(diagnosis, dof)
     # At the end of a window a force has no time to show: what would be seen there is noise, hugely magnified.
     seen = deviation <= UNSEEN * np.quantile(deviation, 0.25)
     unit, metres = force_unit(model, dof), "m" if _translates(model, dof) else "rad"
-    axes_of = {f"speed ({metres}/s)": location.qvel[..., dof], f"position ({metres})": location.qpos[..., position]}
-    figure, axes = plt.subplots(2, 1, figsize=(WIDTH, 4.2), sharey=True)
+    axes_of = {f"speed ({metres}/s)": location.qvel[..., dof]}
+    if (position := _coordinate(model, dof)) is not None:
+        axes_of[f"position ({metres})"] = location.qpos[..., position]
+    figure, axes = plt.subplots(len(axes_of), 1, figsize=(WIDTH, 2.1 * len(axes_of)), sharey=True, squeeze=False)
+    axes = axes[:, 0]
     for ax, (label, x) in zip(axes, axes_of.items(), strict=True):
         _cloud(ax, x.ravel()[seen], force[seen], deviation[seen], None if added is None else added[seen])
         ax.set(xlabel=label, ylabel=f"force ({unit})")
@@ -118,6 +120,14 @@ def state(diagnosis: Diagnosis) -> Figure:
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, ncol=2, loc="outside lower center")
     return figure
+
+
+def _coordinate(model: mujoco.MjModel, dof: int) -> int | None:
+    """Where in `qpos` the position of a degree of freedom stands; None of a rotation that is part of a quaternion."""
+    joint = model.dof_jntid[dof]
+    part, kind = int(dof - model.jnt_dofadr[joint]), mujoco.mjtJoint(model.jnt_type[joint])
+    turns = kind == mujoco.mjtJoint.mjJNT_BALL or (kind == mujoco.mjtJoint.mjJNT_FREE and part >= 3)
+    return None if turns else int(model.jnt_qposadr[joint]) + part
 
 
 def located_dof(diagnosis: Diagnosis) -> int:

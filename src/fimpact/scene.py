@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 CIRCLE = np.stack([np.cos(angle := np.linspace(0, 2 * np.pi, 48, endpoint=False)), np.sin(angle)], 1)
 ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)
@@ -83,8 +83,14 @@ def outline(scene: Scene, geom: int, step: int) -> np.ndarray:
     if not len(core):
         return np.zeros((0, 2))
     points = core @ scene.rotation[step, geom].T + scene.position[step, geom]
-    cloud = (points[:, None, list(scene.axes)] + radius * CIRCLE).reshape(-1, 2)
-    return cloud[ConvexHull(cloud).vertices]
+    cloud = points[:, list(scene.axes)]
+    if radius:
+        cloud = (cloud[:, None] + radius * CIRCLE).reshape(-1, 2)
+    try:
+        return cloud[ConvexHull(cloud).vertices]
+    except QhullError:  # seen edge on: its two ends
+        along = (cloud - cloud.mean(0)) @ np.linalg.svd(cloud - cloud.mean(0), full_matrices=False)[2][0]
+        return cloud[[along.argmin(), along.argmax()]]
 
 
 def surfaces(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
