@@ -76,14 +76,21 @@ def test_a_gear_does_what_a_joint_behind_the_motor_does(name, values, left):
     assert (error < left * missing).all(), error / missing
 
 
-def test_a_gear_leaves_nothing_behind():
-    """Models of windows are used again, by laws that know nothing of gears."""
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (("backlash", {"gap": 0.02}), ("efficiency", {"loss": 0.1})),
+        (("load_dependent_friction", {"coefficient": 0.3}), ("backlash", {"gap": 0.02})),
+    ],
+)
+def test_a_law_leaves_nothing_behind(first, second):
+    """Models of windows are used again, by laws that know nothing of those before."""
     runs = (Run("run", commands()[0], np.zeros((200, 3)), False),)
     recording = Recording(XML, ".", PERIOD, CHANNELS, runs, (), np.ones(3), np.full(2, np.inf), 0.0)
     used, fresh, start = Simulator(recording), Simulator(recording), np.zeros((2, 1, 1))
-    lossy = Hypothesis(np.zeros(0), (Placed(EFFECTS["efficiency"], "hinge", {"loss": 0.1}),))
-    used.predict(Hypothesis(np.zeros(0), (Placed(EFFECTS["backlash"], "hinge", {"gap": 0.02}),)), cut(runs, 0), *start)
-    found, expected = (s.predict(lossy, cut(runs, 0), *start) for s in (used, fresh))
+    before, after = (Hypothesis(np.zeros(0), (Placed(EFFECTS[n], "hinge", v),)) for n, v in (first, second))
+    used.predict(before, cut(runs, 0), *start)
+    found, expected = (s.predict(after, cut(runs, 0), *start) for s in (used, fresh))
     np.testing.assert_array_equal(found, expected)
 
 

@@ -16,26 +16,28 @@ from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.curves import SPOTS, spots
 from fimpact.mismatch.diagnose import diagnose, in_words, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
+from fimpact.mismatch.evidence import _correlation
 from fimpact.mismatch.explain import explain, refit, sizes_of
 from fimpact.mismatch.judge import base_fit, bench
-from fimpact.mismatch.locate import _modes
+from fimpact.mismatch.locate import _modes, locate
 from fimpact.mismatch.name import _serving, build, name
 from fimpact.mismatch.nameless import Stranger, differences, nameless, varying
 from fimpact.mismatch.naming import Naming
 from fimpact.mismatch.pooled import _apart, pooled, stacked
 from fimpact.mismatch.price import price, seen
-from fimpact.mismatch.problem import shown
+from fimpact.mismatch.problem import Problem, shown
 from fimpact.mismatch.pulses import _swings, pulses
 from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
-from fimpact.mismatch.score import proposals, screen
+from fimpact.mismatch.score import proposals, score, screen
 from fimpact.mismatch.settle import restarted, settled
 from fimpact.mismatch.simulate import Hypothesis, Simulator, can_hold, may_stick
-from fimpact.mismatch.starts import noise_level
+from fimpact.mismatch.starts import local_fit, noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
 from fimpact.mismatch.tame import WILD
 from fimpact.mismatch.weigh import both
 from fimpact.mismatch.windows import Windows, cut
+from fimpact.recordings import Unknown
 
 FRICTION = 0.004  # N m
 
@@ -673,6 +675,68 @@ def test_what_no_window_shows_is_not_known(nothing):
     assert (error[1:] < 1.01 * known[1:]).all()
 
 
+def test_where_no_window_shows_an_unknown_candidates_are_scored_all_the_same(nothing):
+    fitted = nothing.naming.naive.fitted
+    k, linear = len(fitted.coordinates.scale), fitted.linear
+    blind = replace(linear, raw=0 * linear.raw, projected=0 * linear.projected)
+    lost = replace(fitted, linear=blind, precision=np.zeros((k, k)), pull=np.zeros(k))
+    assert np.isfinite(score(lost, nothing.naming.steps[0].screened[0].placed, linear.raw[..., 0]).information)
+
+
+def test_noise_alone_is_nobodys(nothing):
+    places = nothing.location.places
+    assert max(place.share for place in places) < 0.5 and min(place.share for place in places) >= 0
+    slower = [replace(run, measured=np.where(np.arange(len(run.measured))[:, None] % 3, np.nan, run.measured))
+              for run in nothing.recording.runs]  # fmt: skip
+    made = bench(replace(nothing.recording, runs=tuple(slower), noise=np.full(2, NOISE)))
+    fitted, _ = base_fit(made, coordinates(made.training.simulator), Hypothesis(made.training.simulator.theta))
+    assert max(place.share for place in locate(made.training, fitted, pulses(made.training, fitted)).places) < 0.5
+
+
+def test_a_candidate_whose_motion_diverges_begins_weaker_or_is_none(friction, monkeypatch):
+    made, naive, plain = friction.bench, friction.naming.naive, Problem.evaluate
+    largest = 0.6 * FRICTION
+
+    def evaluate(problem, hypothesis, *rest):
+        point = plain(problem, hypothesis, *rest)
+        wild = any(placed.values["friction"] > largest for placed in hypothesis.placed)
+        return replace(point, residual=np.nan * point.residual, cost=np.inf) if wild else point
+
+    monkeypatch.setattr(Problem, "evaluate", evaluate)
+    tried = proposals(few("coulomb"), made.training, scales(made.training, naive.fitted.point))
+    strongest = max(screen(made.training, naive.fitted, tried), key=lambda c: c.gain)
+    found = refit(made, naive, strongest)
+    assert found.deviance < naive.deviance and 0 < found.placed[0].values["friction"] <= largest
+    largest = -1.0
+    assert refit(made, naive, strongest).deviance == np.inf
+
+
+def test_a_start_is_read_from_the_nearest_samples_of_a_slow_sensor():
+    time = 0.001 * np.arange(2000)
+    signal = np.where(np.arange(2000) % 50 == 0, 1 + 2 * time, np.nan)
+    assert local_fit(signal, 777, 0.001, 1e-6) == pytest.approx((1 + 2 * 0.777, 2.0))
+    assert local_fit(np.full(9, np.nan), 3, 0.001, 1.0) is None
+    assert local_fit(np.array([np.nan, 4.0]), 0, 0.001, 1.0) == (4.0, 0.0)
+
+
+def test_an_unknown_and_an_effect_of_one_name_are_told_apart(nothing):
+    made, naive = nothing.bench, nothing.naming.naive
+    unknowns = (Unknown("inertia", "link_1"), *nothing.recording.unknowns[1:])
+    recording = replace(nothing.recording, unknowns=unknowns)
+    tried = proposals(few("inertia"), made.training, scales(made.training, naive.fitted.point))
+    best = refit(made, naive, next(c for c in screen(made.training, naive.fitted, tried) if c.placed.site == "link_1"))
+    naming = replace(nothing.naming, best=best, covariance=np.eye(len(best.fitted.coordinates.scale)))
+    assert "inertia at link_1 (change" in in_words(naming, recording, best.placed[0])
+
+
+def test_a_residual_of_a_slow_channel_remembers_in_samples_of_its_own():
+    error = np.repeat(np.random.default_rng(0).standard_normal((50, 10)), 2, 1)  # each value twice
+    seen = np.ones_like(error, bool)
+    slow, gaps = np.zeros((50, 120)), np.zeros((50, 120), bool)
+    slow[:, ::6], gaps[:, ::6] = error, True
+    assert _correlation(slow, gaps, 1) == pytest.approx(_correlation(error, seen, 1)) == pytest.approx(0.5, abs=0.1)
+
+
 def test_what_no_force_explains_may_be_louder_than_the_sensors(nothing):
     fitted, found = nothing.naming.naive.fitted, nothing.naming.pulses
     every = np.ones(len(fitted.point.residual))
@@ -777,7 +841,7 @@ def test_units_are_those_of_the_joint_or_the_channel(site, unit, expected):
 
 @pytest.mark.parametrize(("unit", "said"), [("1", "change 2.51 ± 2"), ("N m", "change 2.51 ± 2 N m")])
 def test_a_ratio_is_said_without_a_unit(monkeypatch, unit, said):
-    row = {"name": "change", "of": "gain@drive", "unit": unit, "after": 2.51, "low": 0.51, "high": 4.51}
+    row = {"name": "change", "of": "gain@drive", "unit": unit, "before": None, "after": 2.51, "low": 0.51, "high": 4.51}
     monkeypatch.setattr("fimpact.mismatch.diagnose.parameter_rows", lambda *_: [row])
     placed = Placed(EFFECTS["gain"], "drive", {"change": 2.51})
     assert in_words(None, None, placed) == f"gain at drive ({said})"

@@ -62,7 +62,7 @@ def tilted(values, column, residual):
 
 def beside_nothing(residual):
     """A fit without coordinates or initial states."""
-    linear = SimpleNamespace(off=lambda columns: columns, projected=np.zeros((1, len(residual), 0)))
+    linear = SimpleNamespace(off=lambda columns: columns, projected=np.zeros((1, len(residual), 0)), colour=None)
     point = SimpleNamespace(residual=residual[None])
     return SimpleNamespace(linear=linear, point=point, covariance=np.zeros((0, 0)), pull=np.zeros(0))
 

@@ -19,7 +19,7 @@ def added_force(diagnosis: Diagnosis, dof: int) -> np.ndarray | None:
         return None
     location, windows = diagnosis.location, diagnosis.bench.training.windows
     qpos, qvel = (part.reshape(-1, part.shape[-1]) for part in (location.qpos, location.qvel))
-    row = np.round(location.time / diagnosis.recording.period).astype(int)
+    row = (location.time / diagnosis.recording.period + 1e-9).astype(int)
     ctrl = windows.ctrl[windows.runs[:, None], np.minimum(row, windows.ctrl.shape[1] - 1)].reshape(len(qpos), -1)
     naive = simulator.model(naming.naive.fitted.point.hypothesis)
     best = simulator.model(naming.best.fitted.point.hypothesis)

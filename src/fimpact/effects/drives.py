@@ -11,8 +11,8 @@ from fimpact.effects.sites import drives
 
 @dataclass(frozen=True)
 class Drive:
-    """An actuator, by its index: gear ratio, gain and bias, (3,) each of 1, length and speed or a constant, and
-    limits."""
+    """An actuator, by its index: gear ratio, gain and bias, (3,) each of 1, length and speed or a constant, limits of
+    its force (low, high) and of its command (least, most)."""
 
     index: int
     gear: float
@@ -20,6 +20,8 @@ class Drive:
     bias: np.ndarray | float
     low: float
     high: float
+    least: float
+    most: float
 
 
 def motor_force(state: State, site: str) -> np.ndarray:
@@ -27,7 +29,8 @@ def motor_force(state: State, site: str) -> np.ndarray:
     total = np.zeros(len(state.qpos))
     _, position, speed = state.joint(site)
     for drive in _drives(state, site):
-        force = _at(drive.gain, drive, position, speed) * state.ctrl[:, drive.index]
+        command = np.clip(state.ctrl[:, drive.index], drive.least, drive.most)
+        force = _at(drive.gain, drive, position, speed) * command
         force = force + _at(drive.bias, drive, position, speed)
         total += drive.gear * np.clip(force, drive.low, drive.high)
     return total
@@ -50,6 +53,7 @@ def _drives(state: State, site: str) -> list[Drive]:
 def _drive(model: mujoco.MjModel, i: int) -> Drive:
     gain, bias = model.actuator_gainprm[i, :3].copy(), model.actuator_biasprm[i, :3].copy()
     low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else (-np.inf, np.inf)
+    least, most = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else (-np.inf, np.inf)
     return Drive(
         i,
         float(model.actuator_gear[i, 0]),
@@ -57,4 +61,6 @@ def _drive(model: mujoco.MjModel, i: int) -> Drive:
         bias if model.actuator_biastype[i] else 0.0,
         float(low),
         float(high),
+        float(least),
+        float(most),
     )

@@ -98,7 +98,8 @@ def _export_misalignment(spec, site, turn_x, turn_y, turn_z):
 
 def _size(scales) -> float:
     """A typical standard deviation of the channels: the laws are exactly linear, so only its order counts."""
-    return max(float(np.median(scales.measured)), amounts.FLOOR)
+    known = scales.measured[scales.measured > 0]
+    return max(float(np.median(known)), amounts.FLOOR) if known.size else amounts.FLOOR
 
 
 def _turn_probes(scales, model, site):

@@ -24,8 +24,8 @@ class Acting:
         self._losses = [own.dof_frictionloss for own in copies] if rubbing else []
         self._dry = model.dof_frictionloss.copy()
         self._armatures = [own.dof_armature for own in copies]
-        for own in self._armatures:  # a gear leaves them as they were in its last step
-            own[:] = model.dof_armature
+        for own in copies:  # a law leaves them as they were in its last step
+            own.dof_armature[:], own.dof_frictionloss[:] = model.dof_armature, model.dof_frictionloss
 
     def __call__(self, now: State, seen: State, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Generalised forces beside the motors', mean over the step and at its start, (w, nv) each.

@@ -42,7 +42,7 @@ class Regression:
 
 def black_box(simulator: Simulator, windows: Windows, location: Location) -> Placed:
     """The residual force of `location` as a function of state and command, ready to be simulated with."""
-    index = np.round(location.time / simulator.recording.period).astype(int)
+    index = (location.time / simulator.recording.period + 1e-9).astype(int)
     ctrl = windows.ctrl[windows.runs[:, None], np.minimum(index, windows.ctrl.shape[1] - 1)]
     parts = [location.qpos, location.qvel, ctrl]
     count = location.time.size  # a recording without commands has no numbers in that part

@@ -108,7 +108,7 @@ def _like(naming: Naming) -> str:
 
 def in_words(naming: Naming, recording: Recording, placed) -> str:
     """An effect with values, 95 % intervals and units: ``coulomb at joint_2 (friction 0.0020 ± 0.0001 N m)``."""
-    rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name]
+    rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name and row["before"] is None]
     # What no recording shows stays where it began, which is not knowledge.
     size = sizes_of(placed)
     rows = [row for row in rows if row["high"] - row["low"] < BLIND * size[row["name"]]] or rows

@@ -5,6 +5,7 @@ that 1 is as good as anything can be. Whole runs are held out, never windows of 
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def weigh_evidence(bench: Bench, naive: Explanation, best: Explanation) -> Evide
     """Compare two explanations on the held-out windows of `bench`."""
     problem = bench.held_out
     samples = np.isfinite(problem.windows.measured).sum((1, 2))
-    floor = np.sqrt(freedom(problem) / samples.sum())
+    floor = np.sqrt(max(freedom(problem), 0.0) / samples.sum())
     before, after = naive.judged.point.squares, best.judged.point.squares
     low, high = _interval(problem.windows.runs, before, after)
     whole = before.sum() - freedom(problem)
@@ -90,13 +91,18 @@ def residuals(bench: Bench, judged: Fit) -> np.ndarray:
 
 
 def memory(bench: Bench, judged: Fit) -> float:
-    """Largest mean autocorrelation of a channel's held-out residual over the first lags; 0 is white."""
-    error, found = residuals(bench, judged), []
-    for column in range(error.shape[2]):
-        series = error[:, :, column]
-        power = (series**2).mean() or 1.0
-        found += [float((series[:, lag:] * series[:, :-lag]).mean() / power) for lag in range(1, LAGS + 1)]
-    return max(found, key=abs)
+    """Largest mean autocorrelation of a channel's held-out residual over the first lags, in samples of its own; 0 is
+    white."""
+    error, seen = residuals(bench, judged), np.isfinite(bench.held_out.windows.measured)
+    both = product(range(error.shape[2]), range(1, LAGS + 1))
+    return max((_correlation(error[..., i], seen[..., i], lag) for i, lag in both), key=abs)
+
+
+def _correlation(error: np.ndarray, seen: np.ndarray, lag: int) -> float:
+    own = [row[known] for row, known in zip(error, seen, strict=True)]
+    products = np.concatenate([series[lag:] * series[:-lag] for series in own])
+    power = np.mean(error[seen] ** 2) if seen.any() else 0.0
+    return float(products.mean() / power) if products.size and power else 0.0
 
 
 def _by_channel(bench: Bench, before: Fit, after: Fit) -> dict[str, tuple[float, float]]:

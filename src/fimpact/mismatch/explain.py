@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.coordinates import Coordinates, coordinates
@@ -15,6 +17,7 @@ from fimpact.mismatch.score import Candidate
 from fimpact.mismatch.simulate import Hypothesis
 
 WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
+HALVINGS = 12  # of a strength at which the motion diverges
 SHARPER = 2  # generalised steps from a fit by ordinary least squares
 
 
@@ -58,15 +61,29 @@ def explain(fitted: Fit, judged: Fit) -> Explanation:
 def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:
     """All coordinates together, to convergence; what is shared with the current fit is not linearised anew, and its
     numerics are taken over (`corrected`)."""
-    problem, placed = bench.training, (*current.placed, *(c.start() for c in candidates))
-    point = current.fitted.point
+    problem = bench.training
     sizes = tuple(sizes_of(p) for p in (*current.placed, *(c.placed for c in candidates)))
-    free = coordinates(problem.simulator, placed, sizes)
-    start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
+    start, free = _begun(problem, current, candidates, sizes)
+    if not np.isfinite(start.cost):
+        return replace(current, placed=start.hypothesis.placed, deviance=np.inf)
     new = range(len(current.fitted.coordinates.scale), len(free.scale))
     fitted = fit(problem, free, start, 12, beside(problem, current.fitted, start, free), far=new)
     judged = settle(bench.held_out, fitted.point.hypothesis, current.judged.point, current.judged.linear)
     return explain(fitted, judged)
+
+
+def _begun(problem: Problem, current: Explanation, candidates: Sequence[Candidate], sizes) -> tuple[Point, Coordinates]:
+    """`current` with the candidates at their one-shot strengths, which no tangent vouches for where they are large:
+    half of them, and so on, where the motion diverges; its cost is infinite where it always does."""
+    point = current.fitted.point
+    for share in 0.5 ** np.arange(HALVINGS):
+        added = (replace(c, strength=share * c.strength).start() for c in candidates)
+        placed = (*current.placed, *added)
+        free = coordinates(problem.simulator, placed, sizes)
+        start = problem.evaluate(Hypothesis(point.hypothesis.theta, placed), point.qpos, point.qvel, free)
+        if np.isfinite(start.cost):
+            break
+    return start, free
 
 
 def beside(problem: Problem, known: Fit, start: Point, free: Coordinates) -> Linear:
@@ -141,5 +158,7 @@ def moved(bench: Bench, explanation: Explanation, hypothesis: Hypothesis, near: 
         parts.append(settle(problem, hypothesis, found.point, found.linear))
     where = parts[0].point.qpos, parts[0].point.qvel
     point = bench.training.evaluate(hypothesis, *where, fitted.coordinates)
+    if not np.isfinite(point.cost):
+        return replace(explanation, fitted=replace(fitted, point=point), deviance=np.inf)
     fitted = relinearised(bench.training, replace(fitted, point=point))
     return replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)

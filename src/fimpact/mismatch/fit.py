@@ -122,7 +122,7 @@ def inverse(precision: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Covariance, (k, k), of coordinates of such a `scale`, (k,): a direction that the data leave open has a huge
     variance, not none."""
     values, vectors = np.linalg.eigh(precision * np.outer(scale, scale))
-    floored = (vectors / np.maximum(values, values.max(initial=0.0) * OPEN)) @ vectors.T
+    floored = (vectors / np.maximum(values, max(values.max(initial=0.0) * OPEN, np.finfo(float).tiny))) @ vectors.T
     return floored * np.outer(scale, scale)
 
 

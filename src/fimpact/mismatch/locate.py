@@ -51,15 +51,15 @@ class Location:
 def locate(problem: Problem, fitted: Fit, pulses: Pulses) -> Location:
     """Where the residual of `fitted` sits."""
     columns, dofs = pulses.columns, pulses.dofs
-    total = float((fitted.linear.off(fitted.point.residual) ** 2).sum())
+    total = float((fitted.linear.off(fitted.point.residual) ** 2).sum()), _freedom(problem, fitted)
     places = [
-        _place(name, "joint", fitted, columns[:, :, i * BINS : (i + 1) * BINS], total) for i, name in enumerate(dofs)
+        _place(name, "joint", fitted, columns[:, :, i * BINS : (i + 1) * BINS], *total) for i, name in enumerate(dofs)
     ]
     places += [
-        _place(channel, "channel", fitted, _channel(problem, i), total)
+        _place(channel, "channel", fitted, _channel(problem, i), *total)
         for i, channel in enumerate(problem.simulator.recording.channels)
     ]
-    places.sort(key=lambda p: -p.share)
+    places.sort(key=lambda p: p.freedom - p.explained)
     force, deviation, chance = _force(fitted, columns, len(dofs))
     modes = _modes(force / chance, pulses.mode)
     dof = next((dofs.index(p.name) for p in places if p.kind == "joint"), 0)
@@ -80,7 +80,14 @@ def _channel(problem: Problem, channel: int) -> np.ndarray:
     return problem.extend(columns.reshape(len(columns), -1, BINS))
 
 
-def _place(name: str, kind: str, fitted: Fit, columns: np.ndarray, total: float) -> Place:
+def _freedom(problem: Problem, fitted: Fit) -> float:
+    """Squares that noise alone would leave: samples, less what initial states take of them, less parameters."""
+    samples = np.isfinite(problem.windows.measured).sum()
+    taken = (fitted.linear.basis[:, : problem.windows.measured[0].size] ** 2).sum()
+    return max(float(samples - taken - fitted.linear.raw.shape[2]), 1.0)
+
+
+def _place(name: str, kind: str, fitted: Fit, columns: np.ndarray, total: float, freedom: float) -> Place:
     linear = fitted.linear
     basis, size = _orthonormal(linear.off(columns))
     left = linear.off(fitted.point.residual)
@@ -88,7 +95,8 @@ def _place(name: str, kind: str, fitted: Fit, columns: np.ndarray, total: float)
     slopes = linear.projected - basis @ (basis.transpose(0, 2, 1) @ linear.projected)
     remaining = (left**2).sum() - _refitted(left, slopes, fitted)
     explained = total - remaining
-    excess = max(total - (left.size - size), 1e-9)
+    # Within what chance makes of it there is nothing to share.
+    excess = max(total - freedom, np.sqrt(2 * freedom))
     return Place(name, kind, float(explained), float(size), float(np.clip((explained - size) / excess, 0.0, 1.0)))
 
 

@@ -33,8 +33,9 @@ def _shape(candidate: Candidate) -> tuple:
 
 def _mixture(fitted: Fit, group: Sequence[Candidate]) -> Candidate | None:
     columns = np.stack([c.column.ravel() for c in group], 1)
+    free = np.stack([fitted.linear.off(c.change).ravel() for c in group], 1)
     asked = np.array([c.shares.sum() for c in group])
-    strength = np.linalg.lstsq(columns.T @ columns, asked, rcond=1e-6)[0]
+    strength = np.linalg.lstsq(columns.T @ free, asked, rcond=1e-6)[0]
     effect, values = group[0].placed.effect, dict(group[0].placed.values)
     if not two_sided(effect) and (strength < 0).any():
         return None

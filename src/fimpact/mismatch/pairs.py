@@ -33,7 +33,8 @@ def gains(candidates: Sequence[Candidate]) -> tuple[np.ndarray, np.ndarray]:
     """Fall of the sum of squares, (c, c), that each pair predicts, 0 for what is no pair or cannot have its strengths;
     and the strength of the first of each, (c, c)."""
     columns = np.stack([c.column.ravel() for c in candidates], 1)
-    size, score = np.linalg.norm(columns, axis=0), np.array([c.shares.sum() for c in candidates])
+    # The prior's share of the information counts: parameters that it holds cannot take up all that one column is.
+    size, score = np.sqrt([c.information for c in candidates]), np.array([c.shares.sum() for c in candidates])
     cosine = columns.T @ columns / np.outer(size, size)
     z = score / size
     with np.errstate(divide="ignore", invalid="ignore"):

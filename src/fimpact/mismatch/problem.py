@@ -145,6 +145,8 @@ class Problem:
             moved = coordinates.write(point.hypothesis, z + share * step * (np.arange(len(z)) == i))
             part = self.part(rows)
             change = (part.predict(moved, point.qpos[rows], point.qvel[rows]) - base[rows]) / (share * step)
+            # A window in which the secant diverges says nothing of the coordinate.
+            change[~np.isfinite(change).all(1)] = 0.0
             return part.extend(change[..., None])[..., 0]
 
         return slope

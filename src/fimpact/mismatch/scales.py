@@ -26,13 +26,19 @@ def scales(problem: Problem, point: Point) -> Scales:
         middle=qpos.mean((0, 1))[_position_of_dof(model)],
         command=_rms(ctrl),
         peak=np.abs(ctrl).max(0, initial=0.0),
-        measured=np.nanstd(windows.measured.reshape(-1, windows.measured.shape[2]), 0),
+        measured=np.array([_spread(column) for column in windows.measured.reshape(-1, windows.measured.shape[2]).T]),
         mass=float(moving.sum()),
         length=float(model.stat.extent),
         gravity=gravity or EARTH,
         period=simulator.recording.period,
         duration=windows.ctrl.shape[1] * simulator.recording.period,
     )
+
+
+def _spread(column: np.ndarray) -> float:
+    """Standard deviation of what was measured; 0 where nothing was."""
+    known = column[np.isfinite(column)]
+    return float(known.std()) if known.size else 0.0
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:

@@ -161,7 +161,8 @@ def score(fitted: Fit, placed: Placed, change: np.ndarray) -> Candidate:
     column = free - linear.projected @ absorbed
     # The prior is an observation of the parameters: a fit that had to bend them votes for what they absorbed.
     shares = np.append(np.einsum("wm,wm->w", column, linear.off(fitted.point.residual)), absorbed @ fitted.pull)
-    left, all_, before = (free**2).sum() - along @ absorbed, (change**2).sum(), (free**2).sum()
+    whole = linear.colour.white(change[..., None]) if linear.colour else change
+    left, all_, before = (free**2).sum() - along @ absorbed, (whole**2).sum(), (free**2).sum()
     return Candidate(
         placed,
         shares,

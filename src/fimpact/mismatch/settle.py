@@ -63,9 +63,10 @@ def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point
     that are far from the noise even then, if things touch or stick, from about there: a start on the wrong side of a
     contact, or of a standstill, does not find its way back."""
     trials = 1 + SCATTERED * may_stick(problem.simulator.base, point.hypothesis)
-    limit, rng = STUCK * np.median(point.squares), np.random.default_rng(0)
+    finite, rng = point.squares[np.isfinite(point.squares)], np.random.default_rng(0)
+    limit = STUCK * np.median(finite) if finite.size else 0.0
     for trial in range(trials):
-        loud = point.squares > np.maximum(limit, FAR * point.samples * (trial > 0))
+        loud = ~(point.squares <= np.maximum(limit, FAR * point.samples * (trial > 0)))
         if not loud.any():
             break
         part = problem.part(loud)
@@ -75,7 +76,10 @@ def restarted(problem: Problem, coordinates: Coordinates, point: Point) -> Point
         states = {name: getattr(point, name).copy() for name in ("qpos", "qvel", "residual")}
         for name, rows in states.items():
             rows[loud] = getattr(anew, name)
-        point = better(point, replace(point, **states))
+        if np.isfinite(point.cost):
+            point = better(point, replace(point, **states))
+        else:
+            point = problem.evaluate(point.hypothesis, states["qpos"], states["qvel"], coordinates)
     return point
 
 

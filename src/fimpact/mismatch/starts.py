@@ -41,8 +41,10 @@ def _measured_state(model, recording: Recording, measured, first: int, noise, qp
         place = place_of(model, sensor, part)
         if place is None:
             continue
-        value, slope = local_fit(measured[:, column], first, recording.period, noise[column])
-        kind, position, speed = place
+        found = local_fit(measured[:, column], first, recording.period, noise[column])
+        if found is None:
+            continue
+        (value, slope), (kind, position, speed) = found, place
         if kind == "quaternion":
             quaternion.setdefault(position - part, {})[part] = (value, slope)
         elif kind == "speed":
@@ -75,7 +77,10 @@ def _pose(model, qpos, qvel, address: int, parts: dict) -> None:
     if len(parts) < 4:
         return
     value, slope = np.array([parts[i] for i in range(4)]).T
-    value = value / np.linalg.norm(value)
+    size = np.linalg.norm(value)
+    if not size > 0:
+        return
+    value, slope = value / size, slope / size
     conjugate = value * [1, -1, -1, -1]
     spin = np.empty(4)
     mujoco.mju_mulQuat(spin, conjugate, slope)  # body-frame angular velocity is twice the vector part
@@ -84,24 +89,24 @@ def _pose(model, qpos, qvel, address: int, parts: dict) -> None:
     qvel[model.jnt_dofadr[joint] + 3 : model.jnt_dofadr[joint] + 6] = 2 * spin[1:]
 
 
-def local_fit(signal: np.ndarray, index: int, period: float, noise: float) -> tuple[float, float]:
-    """Value and slope (per s) at `index` of the widest local cubic whose residual is no more than noise."""
-    value = slope = 0.0
+def local_fit(signal: np.ndarray, index: int, period: float, noise: float) -> tuple[float, float] | None:
+    """Value and slope (per s) at `index` of the widest local cubic whose residual is no more than noise, through the
+    nearest samples that there are, which may be slower than the grid; None where there are none."""
+    known = np.flatnonzero(np.isfinite(signal))
+    if len(known) < 2:
+        return (float(signal[known[0]]), 0.0) if len(known) else None
+    nearest = int(np.searchsorted(known, index))
     for samples in WIDTHS:
-        first = int(np.clip(index - samples // 2, 0, max(len(signal) - samples, 0)))
-        piece = signal[first : first + samples]
-        good = np.isfinite(piece)
-        if good.sum() < 2:
-            continue
-        time = ((np.arange(first, first + len(piece)) - index) * period)[good]
+        first = int(np.clip(nearest - samples // 2, 0, max(len(known) - samples, 0)))
+        rows = known[first : first + samples]
+        time, piece = (rows - index) * period, signal[rows]
         scale = np.abs(time).max()
         fit = np.polynomial.Polynomial(
-            np.polynomial.polynomial.polyfit(time / scale, piece[good], min(3, len(time) - 2))
+            np.polynomial.polynomial.polyfit(time / scale, piece, min(3, max(len(time) - 2, 1)))
         )
-        value, slope = float(fit(0.0)), float(fit.deriv()(0.0) / scale)
-        if np.sqrt(np.mean((fit(time / scale) - piece[good]) ** 2)) < FITS * noise:
+        if np.sqrt(np.mean((fit(time / scale) - piece) ** 2)) < FITS * noise:
             break
-    return value, slope
+    return float(fit(0.0)), float(fit.deriv()(0.0) / scale)
 
 
 def noise_level(recording: Recording) -> np.ndarray:
