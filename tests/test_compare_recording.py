@@ -120,5 +120,7 @@ def test_the_table_for_readers_has_a_row_per_rig(made):
     lines = to_markdown(summarise(*made)).splitlines()
     assert len(lines) == 4 and all(line.count("|") == 9 for line in lines)
     assert "cart 2 | 2 | 2 rad | 150 mrad | 400 mrad | 50 mrad | 10 mrad |" in lines[3]
+    lost = summarise(*made).assign(error_improved=[0.1, np.nan] * 2)  # no median of the runs that went well
+    assert "| – | 10 mrad |" in to_markdown(lost)
     empty = summarise(*made).assign(error_peer_freed=np.nan)
     assert "| – |" in to_markdown(empty)

@@ -48,6 +48,22 @@ def test_every_catalogue_entry_is_planted_where_it_can_sit():
             assert set(places) <= set(allowed), f"{name} in {rig}"
 
 
+def test_every_run_begins_on_the_same_ground():
+    rig = RIGS["block"]
+    world = new_world(rig, np.zeros(len(rig.unknowns)), fine=False)
+    plant(world, "wavy_ground", known("wavy_ground").sites["block"][0], {"height": 0.01, "length": 0.3})
+    motion = draw_motion(rig, np.random.default_rng(5))
+    start, ctrl = np.tile(motion.start[:1], (3, 1)), np.tile(motion.ctrl[:1], (3, 1, 1))
+    runs = play(world, start, ctrl).samples
+    np.testing.assert_array_equal(runs[1:], runs[:1].repeat(2, 0))
+
+
+def test_every_effect_is_asked_to_hide_in_one_pass_or_the_next():
+    pool = sum(len(entry.sites) for entry in plants.PLANTS.values())
+    asked = np.array([draw._insists(i, None) for i in range(2 * pool)]).reshape(2, -1)
+    assert (asked.sum(0) == 1).all()
+
+
 def test_at_least_eight_kinds_are_outside_the_catalogue():
     assert len(STRANGERS) >= 8 and not set(STRANGERS) & set(EFFECTS)
 

@@ -1,5 +1,6 @@
 """The claim's lines and pictures, from tables whose answers are known."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from fimpact.concealed.places import mode_claimed, places
 from fimpact.concealed.plan import case_names, compared, plan
 from fimpact.concealed.rigs import RIGS
 from fimpact.concealed.rows import as_lines, each, read_rows, runs_of
-from fimpact.concealed.score import COLUMNS, gather, score_case
+from fimpact.concealed.score import COLUMNS, gather, score_case, size_of
 from fimpact.concealed.truth import Planted, Truth
 
 ROOT = Path(__file__).parents[1]
@@ -80,6 +81,26 @@ def test_verdicts(value, sign, verdict):
 @pytest.mark.parametrize(("held", "verdict"), [(95, "aim"), (90, "bar"), (80, "missed"), (100, "missed")])
 def test_intervals_may_be_too_wide_as_well(held, verdict):
     assert coverage("x", pd.Series([held]), pd.Series([100])).verdict == verdict
+
+
+def test_intervals_of_one_case_are_no_cases_of_their_own():
+    held, total = pd.Series([10] * 19 + [0]), pd.Series([10] * 20)
+    found, alone = coverage("x", held, total), coverage("x", held / 10, total / 10)
+    assert (found.low, found.high, found.n) == (alone.low, alone.high, 200)
+    assert found.low < 0.86
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "size"),
+    [
+        ("coulomb", {"friction": 0.05}, 0.05),
+        ("gain", {"change": -0.1}, -0.1),
+        ("torque_ripple", {"sine": 0.03, "cosine": -0.04, "cycles": 7.0}, 0.05),
+        ("magnet", {"force": 2.0, "reach": 0.1}, 2.0),
+    ],
+)
+def test_the_size_is_the_amplitude(name, values, size):
+    assert size_of(Planted(name, "joint_1", values, 40.0, 0.9, 0.9, "free")) == pytest.approx(size)
 
 
 def test_every_line_of_the_claim_is_there(table):
@@ -267,6 +288,8 @@ def test_twins_are_resolved_when_the_rival_is_gone(recording):
     }
     row = score_case("01", truth("twin", (COULOMB,), dahl), recording, told)
     assert row["both_in_set"] and row["resolved_designed"] and row["resolved_random"] is False
+    stribeck = replace(dahl, name="stribeck")  # which was in no set, so that nothing was to be told apart
+    assert score_case("01", truth("twin", (COULOMB,), stribeck), recording, told)["resolved_designed"] is False
 
 
 def test_another_set_is_resolved_when_the_truth_is_left_alone(recording):

@@ -12,7 +12,7 @@ from fimpact.knobs import Knobs, freed, freed_knobs, own_knobs
 from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.explain import explain
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, again, base_fit, bench, settle
+from fimpact.mismatch.judge import Bench, again, base_fit, bench, correct, settle
 from fimpact.mismatch.per_run import error_per_run, unit_of
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis
@@ -80,7 +80,11 @@ def at_most(seconds: float) -> Iterator[None]:
 
 def _sysid(recording: Recording, knobs: Callable[[Problem], Knobs] = own_knobs):
     made = bench(recording)
-    _, theta = fit_sysid(made.training, knobs(made.training))
+    own = knobs(made.training)
+    _, theta = fit_sysid(made.training, own)
+    # Judged without the time step's error, it is fitted without it too, as our own model is.
+    correct(made, made.training, settle(made.training, Hypothesis(theta)).point)
+    _, theta = fit_sysid(made.training, own, theta)
     return _judged(made, settle(made.held_out, Hypothesis(theta)))
 
 

@@ -22,19 +22,22 @@ TURNS_OR_SLIDES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_S
 
 @dataclass(frozen=True)
 class Knobs:
-    """Parameters as `mujoco.sysid` takes them, in the order of the recording's unknowns: (p,) each."""
+    """Parameters as `mujoco.sysid` takes them, in the order of the recording's unknowns, and what is known of them
+    before (sd: infinite where nothing is): (p,) each."""
 
     start: np.ndarray
     low: np.ndarray
     high: np.ndarray
     scale: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
 
 
 def own_knobs(problem: Problem) -> Knobs:
     """The recording's unknowns, from the model's own values."""
     free = coordinates(problem.simulator)
     low, high = np.maximum(free.low, free.mean - BOUND * free.scale), free.mean + BOUND * free.scale
-    return Knobs(free.mean, low, high, free.scale)
+    return Knobs(free.mean, low, high, free.scale, free.mean, free.sd)
 
 
 def freed(recording: Recording) -> Recording:
@@ -60,7 +63,7 @@ def freed_knobs(problem: Problem) -> Knobs:
             scale[i] = max(scale[i] * (start[i] > 0), sizes[unknown.field, unknown.site])
             low[i], high[i] = 0.0, start[i] + BOUND * scale[i]
             start[i] = max(start[i], INSIDE * scale[i])
-    return Knobs(start, low, high, scale)
+    return Knobs(start, low, high, scale, knobs.mean, knobs.sd)
 
 
 def _joint_sizes(problem: Problem) -> dict[tuple[str, str], float]:

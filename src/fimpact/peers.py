@@ -1,8 +1,9 @@
 """What others would do with the same recording: `mujoco.sysid`, and a black box on top of the fitted model.
 
 `mujoco.sysid` (3.17) is used as it comes: its optimiser, parameters and bounds. The residual is a function of our own,
-as it allows: every training window from the state that the measurements show at its start, divided by the noise. The
-toolbox fits no initial states, and its own rollout takes no model without actuators.
+as it allows: every training window from the state that the measurements show at its start, divided by the noise, and
+what is known of the parameters before, as our own fits have it. The toolbox fits no initial states, and its own rollout
+takes no model without actuators.
 """
 
 from importlib.util import find_spec
@@ -52,22 +53,23 @@ def fit_sysid(problem: Problem, knobs: Knobs, start: np.ndarray | None = None) -
     for unknown, *row in rows:
         table.add(sysid.Parameter(unknown.name, *row))
     if not table:
-        return float((_error(problem, knobs.start) ** 2).sum()), knobs.start
+        return float((_error(problem, knobs, knobs.start) ** 2).sum()), knobs.start
     table.update_from_vector(np.clip(knobs.start if start is None else start, knobs.low, knobs.high))
 
     def residual(values, parameters):
-        columns = [_error(problem, column) for column in np.atleast_2d(values.T)]
+        columns = [_error(problem, knobs, column) for column in np.atleast_2d(values.T)]
         return [np.stack(columns, 1) if values.ndim > 1 else columns[0]], None, None
 
     unheard = StringIO()  # its backend prints whatever `verbose` says
     found, _ = sysid.optimize(table, residual, verbose=False, max_iters=ITERATIONS, x_scale=knobs.scale, output=unheard)
     theta = found.as_vector()
-    return float((_error(problem, theta) ** 2).sum()), theta
+    return float((_error(problem, knobs, theta) ** 2).sum()), theta
 
 
-def _error(problem: Problem, theta: np.ndarray) -> np.ndarray:
+def _error(problem: Problem, knobs: Knobs, theta: np.ndarray) -> np.ndarray:
     point = problem.evaluate(Hypothesis(np.ravel(theta)), *problem.starts, NOTHING)
-    return np.nan_to_num(point.residual.ravel(), nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
+    error = np.nan_to_num(point.residual.ravel(), nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
+    return np.append(error, (np.ravel(theta) - knobs.mean) / knobs.sd)
 
 
 def judge_black_box(made: Bench, naive: Explanation) -> Fit:

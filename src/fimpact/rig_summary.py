@@ -60,12 +60,13 @@ def gather(compared: Mapping[str, Path | str]) -> pd.DataFrame:
 
 
 def to_markdown(summary: pd.DataFrame) -> str:
-    """A row per rig: the verdict, and the median over its held-out runs of every error, in the rig's unit."""
+    """A row per rig: the verdict, and the median over its held-out runs of every error, in the rig's unit; none where
+    one of them has no error."""
     head = ["rig", "held-out runs", *ERRORS.values(), "verdict"]
     lines = [head, ["---"] * len(head)]
     for rig, rows in summary.groupby("rig", sort=False):
         runs = str(len(rows))
-        errors = [_error(rows[name].median(), rows.unit.iloc[0]) for name in ERRORS]
+        errors = [_error(rows[name].median(skipna=False), rows.unit.iloc[0]) for name in ERRORS]
         lines.append([str(rig).replace("_", " "), runs, *errors, rows.verdict.iloc[0].replace("|", "/")])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 

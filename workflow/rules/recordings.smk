@@ -53,7 +53,7 @@ rule compare_recording:
     input:
         case="config/recordings/{case}.yaml",
         data=case_inputs,
-        code=code("compare_recording"),
+        code=code("compare_recording") + ["src/fimpact/cases/schema.yaml"],
     output:
         "<recordings>/compared/{case}.csv",
     log:

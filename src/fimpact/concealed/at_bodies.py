@@ -207,7 +207,8 @@ def wavy_ground(world: World, site: str, height: float, length: float) -> None:
     """Ground that rises and falls by `height` m every `length` m along x. Outside the catalogue."""
 
     def make(model, data):
-        plane, normal, home = model.geom(site).id, _normal(world, site), model.geom(site).pos.copy()
+        # Where it lies, and not where the run before left it.
+        plane, normal, home = model.geom(site).id, _normal(world, site), world.rig.naive.geom(site).pos
         corners = [model.geom(p.geomname2).id for p in _pairs(world, site)]
         model.geom_sameframe[plane] = 0  # else a geom that sat in its body's origin would stay there
 

@@ -69,7 +69,7 @@ def _draw(rng, index, kind, system, target, attempt, seed):
     if kind == "twin":
         rival, cosine, left = _rival(stage, *choice, forms[1][0], traces[0])
         together |= {"cosine": cosine, "left": left}
-    if kind == "single" and index % 2 and attempt < INSISTENCE and together["kappa"] < HIDDEN:
+    if kind == "single" and _insists(index, system) and attempt < INSISTENCE and together["kappa"] < HIDDEN:
         raise Unfit("not hidden enough")
     effects = tuple(_planted(stage, site, t, name) for (name, site), t in zip(choice, traces, strict=False))
     truth = Truth(kind=kind, system=rig.name, effects=effects, rival=rival, seed=seed, **together, **nuisance)
@@ -97,13 +97,23 @@ def _choose(rng, index, kind, system) -> tuple[Rig, list[tuple[str, str]], str]:
     if kind == "twin":
         return _choose_twins(rng, index, rigs)
     shelf = STRANGERS if kind == "outside" else PLANTS
-    pool = [(rig, name) for name, p in shelf.items() for rig in rigs if rig.name in p.sites]
+    pool = _pool(shelf, rigs)
     if not pool:
         raise ValueError(f"nothing of kind {kind!r} can act in {system!r}")
     # A fixed shuffle, so that the first cases of a small benchmark are not all of one family.
     rig, name = pool[np.random.default_rng(7).permutation(len(pool))[index % len(pool)]]
     first = (name, str(rng.choice(shelf[name].sites[rig.name])))
     return rig, [first] + ([_another(rng, rig, first)] if kind == "double" else []), "lively"
+
+
+def _pool(shelf, rigs) -> list[tuple[Rig, str]]:
+    return [(rig, name) for name, p in shelf.items() for rig in rigs if rig.name in p.sites]
+
+
+def _insists(index: int, system: str | None) -> bool:
+    """Whether this draw must be well hidden: every other one, and other effects in every pass through the pool."""
+    rigs = [rig_of(system)] if system else list(RIGS.values())
+    return bool((index + index // len(_pool(PLANTS, rigs))) % 2)
 
 
 def _another(rng, rig, first):

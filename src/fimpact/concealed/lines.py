@@ -77,12 +77,17 @@ def average(what: str, values: pd.Series, statistic, form, sign: int = 0, bar=np
 
 
 def coverage(what: str, held: pd.Series, total: pd.Series) -> Measure:
-    """The share of all intervals that hold the truth; `held` of `total` in each case."""
+    """The share of all intervals that hold the truth, `held` of `total` in each case; its own interval resamples cases:
+    intervals of one case share its data."""
     # Too wide is as wrong as too narrow: what is judged is the distance to 95 %.
     if not len(held):
         return Measure(what, np.nan, np.nan, np.nan, 0, 1, 0.88, 0.93, percent)
-    found = share(what, pd.Series(np.repeat([True, False], [int(held.sum()), int(total.sum() - held.sum())])))
-    return Coverage(what, found.value, found.low, found.high, found.n, 1, 0.88, 0.93, percent)
+    drawn = np.random.default_rng(0).integers(len(held), size=(RESAMPLES, len(held)))
+    shares = held.to_numpy(float)[drawn].sum(1) / total.to_numpy(float)[drawn].sum(1)
+    low, high = np.percentile(shares, [2.5, 97.5])
+    return Coverage(
+        what, float(held.sum() / total.sum()), float(low), float(high), int(total.sum()), 1, 0.88, 0.93, percent
+    )
 
 
 def as_markdown(lines: Sequence[Measure]) -> str:

@@ -19,7 +19,8 @@ from fimpact.knobs import own_knobs
 from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import Explanation, explain, refit
-from fimpact.mismatch.judge import Bench, base_fit, bench, settle
+from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.judge import Bench, again, base_fit, bench, settle
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import Candidate, proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
@@ -66,8 +67,15 @@ def held_out_error(made: Bench, naive: Explanation, other: Explanation) -> float
 
 
 def _judged(made: Bench, naive: Explanation, hypothesis: Hypothesis) -> float:
-    judged = settle(made.held_out, hypothesis, naive.judged.point)
-    return held_out_error(made, naive, explain(naive.fitted, judged))
+    return _error(made, naive, settle(made.held_out, hypothesis, naive.judged.point))
+
+
+def _error(made: Bench, naive: Explanation, judged: Fit) -> float:
+    """Held-out error of `judged`, its initial states and the time step's error sought as for our own models."""
+    before = made.offsets
+    error = held_out_error(made, naive, explain(naive.fitted, again(made, made.held_out, judged)))
+    made.restore(before)
+    return error
 
 
 def _sysid(made: Bench, naive: Explanation) -> dict[str, float]:
@@ -97,7 +105,7 @@ def _refit_all(made: Bench, naive: Explanation) -> dict[str, Any]:
         "refits": len(best),
         "screened": len(screened),
         "answer_refit_all": chosen.name,
-        "heldout_refit_all": held_out_error(made, naive, chosen),
+        "heldout_refit_all": _error(made, naive, chosen.judged),
     }
 
 
@@ -110,8 +118,7 @@ def _criterion(made: Bench, explanation: Explanation) -> float:
 
 
 def _blackbox(made: Bench, naive: Explanation) -> dict[str, float]:
-    judged = judge_black_box(made, naive)
-    return {"heldout_blackbox": held_out_error(made, naive, explain(naive.fitted, judged))}
+    return {"heldout_blackbox": _error(made, naive, judge_black_box(made, naive))}
 
 
 COMPARATORS = {"sysid": _sysid, "blackbox": _blackbox, "refit_all": _refit_all}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 import pandas as pd
 
 from fimpact.concealed.archive import load_recording
@@ -16,6 +17,7 @@ from fimpact.concealed.places import mode_claimed, places
 from fimpact.concealed.rows import Report, each, read_rows
 from fimpact.concealed.seal import open_seal
 from fimpact.concealed.truth import Planted, Truth
+from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 
 COLUMNS = (
@@ -62,7 +64,7 @@ def score_case(
         "heldout_oracle": oracle_error(recording, truth) if oracle and truth.effects else None,
         "heldout_blackbox": told.get("peers", {}).get("heldout_blackbox"),
         "noise_floor": evidence.get("noise_floor"),
-        "seconds": sum(row["seconds"].values()),
+        "seconds": sum(row["seconds"].values()) or row.get("job_seconds"),
         "status": row["status"],
         "truth": planted,
         "rival": planted_name([truth.rival]) if truth.rival else None,
@@ -90,8 +92,12 @@ def planted_name(effects: Sequence[Planted]) -> str:
 
 
 def size_of(effect: Planted) -> float:
-    """The planted amplitude: the first value that scales the effect."""
-    return float(next(iter(effect.values.values())))
+    """The planted amplitude, of several of one unit (sine and cosine, two directions) their norm; of a stranger, its
+    first value."""
+    values = effect.values
+    known = [c for c in EFFECTS[effect.name].coefficients if not c.shape] if effect.name in EFFECTS else []
+    alike = [values[c.name] for c in known if c.unit == known[0].unit and c.name in values]
+    return float(np.linalg.norm(alike)) if len(alike) > 1 else float(next(iter(values.values())))
 
 
 def _located(model, recording: Recording, truth: Truth, row, named: list[str]) -> bool | None:
@@ -154,7 +160,8 @@ def _resolved(truth: Truth, row, resolved) -> dict[str, Any]:
         out["both_in_set"] = {own, rival} <= set(row["answer_set"])
     for way in {"designed", "random"} & set(resolved):
         left = resolved[way]["answer_set"]
-        out[f"resolved_{way}"] = left[0] == own and (rival not in left if rival else len(left) == 1)
+        apart = out["both_in_set"] and rival not in left if rival else len(left) == 1
+        out[f"resolved_{way}"] = left[0] == own and apart
     return out
 
 
