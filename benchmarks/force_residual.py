@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import butter, filtfilt
 
 from fimpact.added_force import law_force
-from fimpact.cases import read_case
+from fimpact.cases import kinds, read_case
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.simulate import Hypothesis, Simulator
@@ -61,6 +61,10 @@ def refuse(simulator: Simulator, recording, answer: Hypothesis) -> None:
     """Stop where the motion is not known, or an effect does not act as a force."""
     if len(recording.channels) != simulator.base.nv or any(np.isnan(r.measured).any() for r in recording.held_out):
         raise SystemExit("every joint must be measured, without gaps, for inverse dynamics")
+    sensors = [simulator.base.sensor(channel.partition("[")[0]) for channel in recording.channels]
+    shown = [(int(sensor.type[0]), int(sensor.objid[0])) for sensor in sensors]
+    if shown != [(kinds.JOINTPOS, joint) for joint in range(simulator.base.njnt)]:
+        raise SystemExit("the measurements must be the positions of the joints, in the order of the MJCF")
     for placed in answer.placed:
         if placed.effect.enters in ("command", "measurement"):
             raise SystemExit(f"{placed.name} acts on a {placed.effect.enters}, not as a force; it cannot be judged so")

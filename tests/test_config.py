@@ -45,6 +45,12 @@ def test_shipped_configurations_are_valid(paper, name):
         ("select: {systems: [amr]}", ["select.systems[0] is 'amr'", "allowed: arm, block", "'arm'?"]),
         ("systems: {leg: {noise: 1}}", ["systems.leg is not known", "allowed: arm, block"]),
         ("select: {methods: [fihser]}", ["select.methods[0] is 'fihser'", "multisine", "did you mean 'fisher'?"]),
+        ("select: {methods: [fisher]}", ["select.methods lacks uniform", "add it"]),
+        ("sweep: {methods: [uniform]}", ["sweep.methods lacks fisher", "add it"]),
+        (
+            "systems: {block: {spread: 0.7}}",
+            ["systems.block.spread is 0.7", "mass is drawn from 0.15 to 0.85", "make it smaller"],
+        ),
         ("design: {criterion: F}", ["design.criterion is 'F'", "allowed: trace, A, D, E"]),
         ("systems: {block: {parameters: {mass: {bounds: [0.8, 0.2]}}}}", ["mass.bounds is [0.8, 0.2]", "swap them"]),
         ("systems: {block: {parameters: {mass: {nominal: 3}}}}", ["mass.nominal is 3", "its bounds 0.2 and 0.8"]),

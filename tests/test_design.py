@@ -11,6 +11,8 @@ from fimpact.design import METHODS, Task, best_of_n, contact_blind, evaluate, fi
 from fimpact.estimate import beliefs, untried
 from fimpact.reach import contact_free
 from fimpact.search import Campaign
+from fimpact.systems import make_system
+from fimpact.trial import design_next
 
 BUDGET = {
     "criterion": "A",
@@ -102,7 +104,15 @@ def test_a_contact_blind_throw_is_just_a_draw(task):
     assert np.isclose(design.value, -np.log(3 * 0.09))  # nothing is learned from flight, it believes
 
 
-def test_multisine_repeats_over_rounds_and_fills_the_range(task):
-    phases = [METHODS["multisine"](replace(task, round=r, rng=np.random.default_rng(5))).design for r in range(5)]
+def test_a_thrown_multisine_goes_on_from_round_to_round_and_fills_the_range(task):
+    campaign = Campaign(task.system, task.model, (), task.beliefs[0], 0.3)
+    found, config = untried(campaign), {"design": BUDGET}
+    throws = [design_next(config, campaign, found, "multisine", 3, round_, 5).design for round_ in range(5)]
     low, high = task.system.inputs.bounds
-    assert np.allclose(np.abs((np.array(phases) - (low + high) / 2) / ((high - low) / 2)).max(0), 1)
+    assert np.allclose(np.abs((np.array(throws) - (low + high) / 2) / ((high - low) / 2)).max(0), 1)
+
+
+def test_where_every_start_touches_there_is_a_word_and_no_endless_search(systems, task):
+    near = make_system("block", {**systems["block"].settings, "surface": -0.02})
+    with pytest.raises(ValueError, match=r"move systems\.block\.surface away"):
+        contact_free(replace(task, system=near, model=near.template), task.beliefs, 16)

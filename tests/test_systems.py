@@ -9,8 +9,9 @@ import pytest
 from conftest import CLEAR, TOUCHING
 
 from fimpact import truth
+from fimpact.engine import mjx
 from fimpact.programs import programs
-from fimpact.rollout import remove_contact
+from fimpact.rollout import _alike, remove_contact, with_parameters
 from fimpact.systems import SYSTEMS, make_system
 
 
@@ -82,9 +83,27 @@ def test_unknown_system_is_named_with_those_available():
 
 
 def test_derived_inverse_weights_match_a_recompiled_model(system):
-    from fimpact.rollout import with_parameters
-
     theta = system.nominal * np.linspace(0.8, 1.2, len(system.nominal))
-    ours = with_parameters(system, system.template, theta).body_invweight0
-    compiled: mujoco.MjModel = system.compile(theta)
-    assert np.allclose(ours, compiled.body_invweight0, rtol=1e-8)
+    ours, compiled = with_parameters(system, system.template, theta), system.compile(theta)
+    assert np.allclose(ours.body_invweight0, compiled.body_invweight0, rtol=1e-8)
+    assert np.allclose(ours.dof_invweight0, compiled.dof_invweight0, rtol=1e-8)
+
+
+def test_a_free_or_ball_joints_weights_are_averages():
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><freejoint/><geom type='box' size='.1 .2 .3'/>"
+        "<body pos='.3 0 0'><joint type='ball'/><geom type='box' size='.3 .1 .2'/></body></body></worldbody></mujoco>"
+    )
+    own = _alike(mjx.put_model(model))
+    data, inverse = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+    assert np.allclose(own @ np.diag(inverse), model.dof_invweight0)
+
+
+def test_parameters_stand_in_the_order_in_which_they_are_used(system):
+    table = system.settings["parameters"]
+    turned = {name: table[name] for name in reversed(table)}
+    assert make_system(system.name, {**system.settings, "parameters": turned}).parameters == system.parameters
+    with pytest.raises(ValueError, match="allowed: all of"):
+        make_system(system.name, {**system.settings, "parameters": {"colour": next(iter(table.values()))}})

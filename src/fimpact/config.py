@@ -13,6 +13,7 @@ from jsonschema import Draft202012Validator
 from fimpact.complaints import in_words, most_telling, name
 
 MJCF = Path(__file__).parent / "systems"
+NEEDED = ("fisher", "uniform")  # the design that is shown, and the baseline
 
 
 def check(config: dict, schema: Path) -> None:
@@ -79,6 +80,10 @@ def _contradictions(config: dict) -> Iterator[str]:
             yield f"{name(path)} is {number}; it must be a finite number"
     for system, settings in config["systems"].items():
         yield from _system(system, settings)
+    for table in ("select", "sweep"):
+        for needed in NEEDED:
+            if needed not in config[table]["methods"]:
+                yield f"{table}.methods lacks {needed}, which all others are compared with; add it"
     for system in config["select"]["systems"]:
         if system not in config["sweep"]["surfaces"]:
             yield f"sweep.surfaces.{system} is missing; list positions of its surface, as select.systems names it"
@@ -91,6 +96,12 @@ def _system(system: str, settings: dict) -> Iterator[str]:
         (low, high), nominal = row["bounds"], row["nominal"]
         if not low < nominal < high:
             yield f"{key}.parameters.{parameter}.nominal is {nominal}; it must lie between its bounds {low} and {high}"
+        ends = sorted((nominal * (1 - settings["spread"]), nominal * (1 + settings["spread"])))
+        if not low <= ends[0] <= ends[1] <= high:
+            yield (
+                f"{key}.spread is {settings['spread']}; {parameter} is drawn from {ends[0]:.4g} to {ends[1]:.4g}, "
+                f"beyond its bounds {low} and {high}; make it smaller, or them wider"
+            )
     for entry, value in settings["inputs"].items():
         if isinstance(value, list):
             yield from _ordered(f"{key}.inputs.{entry}", value)

@@ -120,7 +120,7 @@ def _shots(system: System, scenes: dict[str, Scene]) -> Iterator[np.ndarray]:
     both = list(scenes.values())
     figure.set_dpi(FILM[1])
     for below, scene in zip(bottoms, both, strict=True):
-        below.set_xlabel(f"time (s), shown {FRAMES / RATE / scene.time[-1]:.0f} × slower")
+        below.set_xlabel(f"time (s), shown {len(_beats(both)) / RATE / scene.time[-1]:.2g} × slower")
     for step in _beats(both):
         yield _shoot(figure, tops, bottoms, both, step, view)
     plt.close(figure)

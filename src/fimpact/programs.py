@@ -7,6 +7,7 @@ relaxing contact or removing it compiles nothing.
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -47,10 +48,12 @@ _SHARED: dict[str, Programs] = {}
 
 
 def programs(system: System) -> Programs:
-    """The programs of `system`; systems that differ only in where their surface is share them."""
-    key = f"{system.name} {json.dumps({**system.settings, 'surface': None}, sort_keys=True)}"
+    """The programs of `system`; systems that differ only in where their surface is share them, and are not told it:
+    `revise` and `launch` may not ask for what is no argument of a program."""
+    blind = {name: value for name, value in system.settings.items() if name != "surface"}
+    key = f"{system.name} {json.dumps(blind)}"  # in their order, which is that of the parameters
     if key not in _SHARED:
-        _SHARED[key] = _build(system, key)
+        _SHARED[key] = _build(replace(system, settings=blind), key)
     return _SHARED[key]
 
 

@@ -15,6 +15,7 @@ from fimpact.systems import System, make_system
 from fimpact.trial import draw_truth, information, prior_precision, stream
 
 CLEAR = 0.1  # share of the starting gap that a contact-free candidate keeps
+LEAST = 1e-3  # share of the bounds from which on it is no use to try
 SHRINK = 0.8  # of the draws' bounds, each time that too few of them stay clear
 COLUMNS = (
     "system seed start_contact_steps designed_contact_steps reached contact_steps_at_guess reached_at_guess"
@@ -54,11 +55,19 @@ def contact_free(task: Task, rho: np.ndarray, count: int) -> np.ndarray:
 
     They are uniform within bounds that shrink until enough of them stay clear: a long arm hardly misses the wall.
     A row of `rho` that starts in contact has no start without; it is left out.
+
+    Raises:
+        ValueError: there is none, not even close to the middle of the inputs.
     """
     middle = np.mean(task.system.inputs.bounds, 0)
     rho = rho[programs(task.system).predict(task.model, rho, middle[None]).first > 0]
     kept, share = [], 1.0
     while len(kept) < count:
+        if share < LEAST or not len(rho):
+            raise ValueError(
+                f"{task.system.name} has no start that stays clear of its surface, which `reach` is about; "
+                f"move systems.{task.system.name}.surface away, or shorten the experiment (steps, timestep)"
+            )
         draws = middle + share * (np.array([uniform(task).design for _ in range(count)]) - middle)
         seen = programs(task.system).predict(task.model, np.tile(rho, (count, 1)), np.repeat(draws, len(rho), 0))
         clear = (seen.closest > CLEAR * seen.first).reshape(count, -1).all(1)

@@ -4,10 +4,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import mujoco
+import numpy as np
 
 from fimpact.engine import mjx, smooth, support
 from fimpact.systems.base import System
 
+SEVERAL = [int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)]  # degrees of freedom
 ONLY_SLIDES = 2  # MuJoCo's mark of a body whose joints all slide; it then weighs its mass alone
 
 
@@ -43,11 +46,13 @@ def rollout(system: System, model: mjx.Model, theta: jax.Array, design: jax.Arra
 def with_parameters(system: System, model: mjx.Model, theta: jax.Array) -> mjx.Model:
     """`model` with `theta` written in, and the inverse weights that MuJoCo C derives when it compiles."""
     model = system.revise(model, theta, system.settings)
-    return model.replace(body_invweight0=_inverse_weights(model))
+    of_bodies, of_dofs = _inverse_weights(model)
+    return model.replace(body_invweight0=of_bodies, dof_invweight0=of_dofs)
 
 
-def _inverse_weights(model: mjx.Model) -> jax.Array:
-    # Contact softness scales with body_invweight0, which mj_setConst would recompute after a change of theta.
+def _inverse_weights(model: mjx.Model) -> tuple[jax.Array, jax.Array]:
+    # Contact softness scales with body_invweight0, that of joint limits and dry friction with dof_invweight0, which
+    # mj_setConst would recompute after a change of theta.
     data = mjx.make_data(model).replace(qpos=model.qpos0)
     data = smooth.crb(model, smooth.com_pos(model, smooth.kinematics(model, data)))
     mass = support.full_m(model, data)
@@ -58,9 +63,21 @@ def _inverse_weights(model: mjx.Model) -> jax.Array:
         jacobian = jnp.stack(support.jac(model, data, data.xipos[body], body))
         return jnp.einsum("aij,aij->a", jacobian, jnp.linalg.solve(mass, jacobian)) / 3.0
 
-    return jnp.stack([jnp.zeros(2)] + [weights(body) for body in range(1, model.nbody)])
+    own = jnp.diag(jnp.linalg.inv(mass))
+    alike = jnp.asarray(_alike(model))
+    return jnp.stack([jnp.zeros(2)] + [weights(body) for body in range(1, model.nbody)]), alike @ own
+
+
+def _alike(model: mjx.Model) -> np.ndarray:
+    # Averages over the three translations of a free joint and the three rotations of a free or ball joint, (nv, nv).
+    kind, joint = model.jnt_type[model.dof_jntid], model.dof_jntid
+    turns = np.arange(model.nv) - model.jnt_dofadr[joint] >= 3
+    together = (joint[:, None] == joint) & (turns[:, None] == turns) & np.isin(kind, SEVERAL)
+    together |= np.eye(model.nv, dtype=bool)
+    return together / together.sum(1, keepdims=True)
 
 
 def remove_contact(model: mjx.Model) -> mjx.Model:
     """The same program with contact that never acts: what a contact-blind designer believes."""
-    return model.replace(pair_margin=jnp.full_like(model.pair_margin, -1e3))
+    far = {name: jnp.full_like(getattr(model, name), -1e3) for name in ("pair_margin", "geom_margin")}
+    return model.replace(**far)

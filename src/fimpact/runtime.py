@@ -6,6 +6,7 @@
 import hashlib
 import os
 import platform
+import sys
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,7 +23,9 @@ def configure() -> None:
         raise RuntimeError(f"jax {FORBIDDEN_JAX} miscomputes on CPU (jax#39103); install with -c constraints.txt")
     os.environ.setdefault("NPROC", "1")
     os.environ.setdefault("MPLBACKEND", "Agg")
-    os.environ.setdefault("JAX_ENABLE_X64", "1")
+    os.environ["JAX_ENABLE_X64"] = "1"
+    if "jax" in sys.modules:  # it has read its environment already
+        sys.modules["jax"].config.update("jax_enable_x64", True)
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder()))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")

@@ -50,7 +50,7 @@ def _claims(diagnostics: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
     keys = ["system", "method", "seed", "round"]
     status = trials.drop_duplicates(keys)[[*keys, "status"]]
     table = diagnostics.merge(status, on=keys, how="left", validate="many_to_one")
-    withheld = table.status == FAR
+    withheld = (table.status == FAR) | table.status.str.startswith("failed").fillna(False)
     return table.assign(
         withheld=withheld.astype(int),
         claimed=table.covered.astype(float).mask(withheld),

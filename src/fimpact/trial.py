@@ -48,7 +48,7 @@ def stream(system: System, seed: int, purpose: str, round_: int = 0) -> np.rando
 
 def draw_truth(system: System, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """True and guessed relative parameters, (p,) each: the truth is uniform within `spread` of nominal,
-    the guess is off by the prior's relative standard deviation, and both respect the bounds."""
+    the guess is off by the prior's relative standard deviation, within the bounds."""
     rng, spread = stream(system, seed, "truth"), system.settings["spread"]
     low, high = system.bounds
     rho = rng.uniform(1 - spread, 1 + spread, len(low))
@@ -99,7 +99,7 @@ def _run_seed(config, system: System, method: str, seed: int, rounds: int) -> Le
         recording = truth.run(system, rho * system.nominal, chosen.design, noise)
         campaign = replace(campaign, recordings=(*campaign.recordings, recording))
         found = estimate(campaign, config["estimate"], belief.carried, stream(system, seed, "starts", round_))
-        belief = found if np.isfinite(found.rho).all() else replace(belief, status=found.status)
+        belief = found if np.isfinite(found.rho).all() else belief
         ledger.designs.append(chosen.design)
         _record(ledger, campaign, method, seed, rho, found, chosen, time.monotonic() - started)
     return ledger
@@ -112,7 +112,8 @@ def design_next(
     system, budget = campaign.system, config["design"]
     gained = 0.0 if found.status == FAR else information(campaign, found.rho)
     believed = beliefs(campaign, found, budget["draws"], stream(system, seed, "beliefs", round_))
-    rng = stream(system, seed, "design", round_)
+    # A throw follows one multisine from round to round, and draws its phases once.
+    rng = stream(system, seed, "design", 0 if method == "multisine" and system.inputs.knots == 1 else round_)
     known = prior_precision(campaign) + gained
     return METHODS[method](Task(system, campaign.model, believed, known, round_, rounds, budget, rng))
 

@@ -26,8 +26,8 @@ CASES = config["recordings"].get("cases", KNOWN)
 MISSING = [source.file for source in SOURCES if not Path(DATA, source.file).exists()]
 SYSTEMS, METHODS = config["select"]["systems"], config["select"]["methods"]
 REFERENCE = [f"{name}.csv" for name in "trials diagnostics sweep reach summary".split()]
-REFERENCE += [f"{name}.png" for name in "panels ablation curve example-arm example-block".split()]
-REFERENCE += ["example-arm.gif", "example-block.gif"]
+REFERENCE += [f"{name}.png" for name in "panels ablation curve".split()]
+REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in ("png", "gif")]
 
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
@@ -44,7 +44,10 @@ SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/a
 RIGS = [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
-CASE = "__init__ arrays case channels checks errors kinds load model physics quaternions readers ros runs start timebase units"
+CASE = (
+    "__init__ arrays case channels checks errors kinds load misreadings model physics quaternions readers ros runs "
+    "sources start timebase units"
+)
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
 NAMING = [
@@ -83,7 +86,7 @@ STAGES = {
     "diagnose_recording": [*READ, *LAWS, *NAMING]
     + [f"mismatch/{name}" for name in "discriminate per_run separate shape".split()]
     + "tables looks scene stage gif motion film added_force report_figures report_look report_where".split()
-    + "experiment report diagnose_recording effects/own".split(),
+    + "experiment report report_contents report_numbers diagnose_recording effects/own".split(),
     "compare_recording": [*READ, *OTHERS, *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
     + [*(f"effects/{name}" for name in "base drives gears native sites".split()), "compare_recording"],
     "recordings_summary": ["__init__", "tables", "rig_summary"],

@@ -111,7 +111,7 @@ rule gather:
         table="trials|diagnostics|sweep|reach",
     params:
         systems=SYSTEMS,
-        methods=METHODS,
+        methods=METHODS + [m for m in config["sweep"]["methods"] if m not in METHODS],
     message:
         "gather {wildcards.table}.csv"
     script:

@@ -10,6 +10,7 @@ from fimpact.engine import mjx
 from fimpact.systems.base import Inputs, Sensor, System, interpolate, parameters, total_contact_force
 
 LINKS = (1, 2, 3)
+NAMES = (*(f"inertia_{i}" for i in LINKS), *(f"length_{i}" for i in LINKS))
 START = (-0.3, 0.9, 0.9)  # rad; the tip starts well clear of the wall
 
 
@@ -19,7 +20,7 @@ def arm(settings: dict) -> System:
     return System(
         name="arm",
         settings=settings,
-        parameters=parameters(settings["parameters"]),
+        parameters=parameters(settings["parameters"], NAMES),
         inputs=Inputs(
             tuple(f"torque_{i}" for i in LINKS), ("N m",) * len(LINKS), -limit, limit, settings["inputs"]["knots"]
         ),

@@ -1,6 +1,6 @@
 """What a system is: an MJCF, its unknown parameters, its inputs and its sensor."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -102,8 +102,18 @@ class System:
         return mjx.put_model(self.compile(self.nominal))
 
 
-def parameters(table: dict[str, dict]) -> tuple[Parameter, ...]:
-    """Parameters from the configuration's table name -> {unit, nominal, bounds}."""
+def parameters(table: dict[str, dict], names: Sequence[str] = ()) -> tuple[Parameter, ...]:
+    """Parameters from the configuration's table name -> {unit, nominal, bounds}.
+
+    Args:
+        names: those that the system knows, in its order; none: any, in the order of the table.
+
+    Raises:
+        ValueError: the table has other names.
+    """
+    if names and set(names) != set(table):
+        raise ValueError(f"parameters are {', '.join(table)}; allowed: all of {', '.join(names)}; correct the table")
+    table = {name: table[name] for name in names or table}
     return tuple(Parameter(name, row["unit"], row["nominal"], *row["bounds"]) for name, row in table.items())
 
 

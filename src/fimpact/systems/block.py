@@ -14,6 +14,7 @@ CORNER_SIGNS = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], float)
 THROW = ("pitch", "speed_x", "speed_z", "spin")
 UNITS = ("rad", "m/s", "m/s", "rad/s")
 IMU_BODY = 1
+NAMES = ("mass", "width", "height")
 
 
 def block(settings: dict) -> System:
@@ -22,7 +23,7 @@ def block(settings: dict) -> System:
     return System(
         name="block",
         settings=settings,
-        parameters=parameters(settings["parameters"]),
+        parameters=parameters(settings["parameters"], NAMES),
         inputs=Inputs(THROW, UNITS, limits[:, 0], limits[:, 1], 1),
         sensor=Sensor("accelerometer", "m/s^2", ("acceleration_x", "acceleration_z"), settings["noise"]),
         edit=edit,
