@@ -46,7 +46,7 @@ RIGS = [
 ]
 CASE = (
     "__init__ arrays case channels checks errors kinds load misreadings model physics quaternions readers ros runs "
-    "sources start timebase units"
+    "sensors sources start timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]

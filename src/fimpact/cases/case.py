@@ -8,12 +8,13 @@ import numpy as np
 
 from fimpact.cases import quaternions
 from fimpact.cases import start as starts
-from fimpact.cases.channels import Channel, channels, commands, place_sensors
+from fimpact.cases.channels import Channel, channels, commands
 from fimpact.cases.checks import check_recording, check_rows, check_sources
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
 from fimpact.cases.model import Naive, compiled, model_files, read_model
 from fimpact.cases.runs import Sampled, filtered_noise, held_commands, pieces, sample
+from fimpact.cases.sensors import place_sensors
 from fimpact.cases.sources import file_paths, sources
 from fimpact.cases.units import factor
 from fimpact.recordings import FIELDS, Recording, Run, Unknown

@@ -1,15 +1,14 @@
 """Measured channels and commands: the MJCF sensor or actuator of each column, and its factor to SI units."""
 
 from dataclasses import dataclass
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
 from fimpact.cases import kinds
-from fimpact.cases.errors import CaseError, listed, one_of
-from fimpact.cases.model import FORBIDDEN, Naive, body_element, joint_of
-from fimpact.cases.units import factor, same_dimension
+from fimpact.cases.errors import CaseError, one_of
+from fimpact.cases.model import Naive
+from fimpact.cases.units import factor
 
 UNITS = {
     kinds.FRAMEPOS: "m",
@@ -31,17 +30,6 @@ UNITS = {
     kinds.SUBTREELINVEL: "m/s",
     kinds.CLOCK: "s",
 }
-FRAME = {
-    "position": "framepos",
-    "orientation": "framequat",
-    "velocity": "framelinvel",
-    "angular_velocity": "frameangvel",
-    "acceleration": "accelerometer",
-    "rotation_rate": "gyro",
-    "force": "force",
-    "torque": "torque",
-}
-AT_SITE = ("accelerometer", "gyro", "force", "torque")
 
 
 @dataclass(frozen=True)
@@ -84,79 +72,6 @@ def component_names(sensor: str, dim: int) -> tuple[str, ...]:
     return (sensor,) if dim == 1 else tuple(f"{sensor}[{i}]" for i in range(dim))
 
 
-def place_sensors(naive: Naive, measurements: dict) -> None:
-    """Add to the tree of `naive` the sensors that `measurements` name and the MJCF lacks.
-
-    Raises:
-        CaseError: a name that the MJCF does not have, or a quantity that the object has not.
-    """
-    block = ElementTree.SubElement(naive.tree, "sensor")
-    for key, entry in measurements.items():
-        where, described = f"measurements.{key}", [kind for kind in ("joint", "body", "site") if kind in entry]
-        if set(key) & set(f"{FORBIDDEN}[]"):
-            raise CaseError(f"{where} has one of {' '.join(f'{FORBIDDEN}[]')} in its name; rename it")
-        if key in naive.names("sensor"):
-            if described or "quantity" in entry:
-                raise CaseError(
-                    f"{where} is a sensor of the MJCF, which says what it measures; remove "
-                    f"{' and '.join([*described, *({'quantity'} & set(entry))])}, or choose another name"
-                )
-            continue
-        if not described and key not in naive.names("joint"):
-            raise CaseError(
-                f"{where} is no sensor or joint of {naive.path.name}; "
-                f"{listed([*naive.names('sensor'), *naive.names('joint')], key)}; "
-                "correct the name, or add `joint:`, `body:` or `site:`"
-            )
-        if len(described) > 1:
-            raise CaseError(
-                f"{where} has {' and '.join(described)}; allowed: one of joint, body, site; remove the rest"
-            )
-        _add(naive, block, key, entry, where)
-
-
-def _add(naive: Naive, block: ElementTree.Element, key: str, entry: dict, where: str) -> None:
-    if "body" in entry or "site" in entry:
-        kind = "body" if "body" in entry else "site"
-        return _add_frame(naive, block, key, kind, entry[kind], entry.get("quantity"), where)
-    joint, type_ = joint_of(naive, entry.get("joint", key), where)
-    if type_ == kinds.FREE:
-        body = naive.model.body(naive.model.joint(joint).bodyid[0]).name
-        return _add_frame(naive, block, key, "body", body, entry.get("quantity"), where)
-    if type_ == kinds.BALL:
-        raise CaseError(f"{where}: '{joint}' is a ball joint; allowed: hinge, slide, free; measure its body instead")
-    quantity = entry.get("quantity") or _by_unit(entry["unit"], where)
-    if quantity not in ("position", "velocity"):
-        raise CaseError(f"{where}.quantity is '{quantity}'; a joint has position or velocity; correct it")
-    ElementTree.SubElement(block, "joint" + quantity[:3], {"name": key, "joint": joint})
-    return None
-
-
-def _by_unit(unit: str, where: str) -> str:
-    for wanted, quantity in (("rad", "position"), ("m", "position"), ("rad/s", "velocity"), ("m/s", "velocity")):
-        if same_dimension(unit, wanted):
-            return quantity
-    factor(unit, None, where)
-    raise CaseError(
-        f"{where}: from the unit '{unit}' it is not clear what is measured; add quantity: position or velocity"
-    )
-
-
-def _add_frame(naive: Naive, block, key: str, kind: str, name: str, quantity: str | None, where: str) -> None:
-    one_of(naive.names(kind), name, kind, where)
-    if quantity is None:
-        raise CaseError(f"{where}.quantity is missing; {listed(FRAME, '')}; add it")
-    tag = FRAME[quantity]
-    if tag not in AT_SITE:
-        objtype = "xbody" if kind == "body" else "site"
-        ElementTree.SubElement(block, tag, {"name": key, "objtype": objtype, "objname": name})
-        return
-    if kind == "body":
-        ElementTree.SubElement(body_element(naive, name, where), "site", {"name": f"{key} site"})
-        name = f"{key} site"
-    ElementTree.SubElement(block, tag, {"name": key, "site": name})
-
-
 def channels(model: mujoco.MjModel, measurements: dict) -> list[Channel]:
     """Every measurement with its sensor in the model, which has them all by now."""
     return [_channel(model, key, entry, f"measurements.{key}") for key, entry in measurements.items()]
@@ -185,10 +100,10 @@ def _sensor_unit(model: mujoco.MjModel, sensor, type_: int) -> tuple[str | None,
         joint = model.joint(sensor.objid[0])
         length = "m" if joint.type[0] == kinds.SLIDE else "rad"
         return (length if type_ == kinds.JOINTPOS else f"{length}/s"), joint.name
-    return UNITS.get(type_, _moved_unit(model, sensor, type_)), ""
+    return UNITS.get(type_, _acting_unit(model, sensor, type_)), ""
 
 
-def _moved_unit(model: mujoco.MjModel, sensor, type_: int) -> str | None:
+def _acting_unit(model: mujoco.MjModel, sensor, type_: int) -> str | None:
     """Unit of a sensor of what acts on a joint or of an actuator at one; None: of no such sensor."""
     if type_ == kinds.JOINTACTFRC:
         joint = model.joint(sensor.objid[0])

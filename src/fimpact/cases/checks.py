@@ -38,7 +38,7 @@ def check_sources(runs: list[Source]) -> None:
     Raises:
         CaseError: nothing to train on or to hold out.
     """
-    training, held = [run for run in runs if not run.held_out], [run for run in runs if run.held_out]
+    training, held = _roles(runs)
     if not training:
         raise CaseError(f"runs: all {len(runs)} runs are held out; allowed: at least one to fit; remove a `held_out`")
     if not held:
@@ -55,7 +55,7 @@ def check_rows(runs: list[Source], used: list[str | int]) -> None:
         CaseError: some are.
     """
     columns = {run.name: [find(run.table, name, run.where) for name in used] for run in runs}
-    training, held = [run for run in runs if not run.held_out], [run for run in runs if run.held_out]
+    training, held = _roles(runs)
     for one, other in product(held, training):
         both = list(zip(columns[one.name], columns[other.name], strict=True))
         apart = one.start >= other.stop or other.start >= one.stop
@@ -64,6 +64,10 @@ def check_rows(runs: list[Source], used: list[str | int]) -> None:
                 f"held-out run '{one.name}' and training run '{other.name}' are the same rows of {one.files[0].name}; "
                 "allowed: other runs, or, of one `select`, `start` and `stop` that do not overlap"
             )
+
+
+def _roles(runs: list[Source]) -> tuple[list[Source], list[Source]]:
+    return [run for run in runs if not run.held_out], [run for run in runs if run.held_out]
 
 
 def _meet(one: Column, other: Column) -> bool:
