@@ -373,7 +373,7 @@ def test_load_dependent_and_directional_losses():
         return np.array(EFFECTS[name].law(state, "elbow", **values))
 
     np.testing.assert_allclose(limits("load_dependent_friction", 5.0, coefficient=0.1), [[0.05, 0.05], [0.05, 0.05]])
-    np.testing.assert_allclose(limits("efficiency", 5.0, loss=0.2), [[0.1, 0.125], [0.125, 0.1]])
+    np.testing.assert_allclose(limits("efficiency", 5.0, driving=0.2, driven=0.25), [[0.1, 0.125], [0.125, 0.1]])
 
 
 def test_delay_and_lag_hold_back_what_they_say():

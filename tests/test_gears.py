@@ -79,7 +79,7 @@ def test_a_gear_does_what_a_joint_behind_the_motor_does(name, values, left):
 @pytest.mark.parametrize(
     ("first", "second"),
     [
-        (("backlash", {"gap": 0.02}), ("efficiency", {"loss": 0.1})),
+        (("backlash", {"gap": 0.02}), ("efficiency", {"driving": 0.1, "driven": 0.1})),
         (("load_dependent_friction", {"coefficient": 0.3}), ("backlash", {"gap": 0.02})),
     ],
 )

@@ -437,7 +437,7 @@ def test_what_a_probe_leaves_at_zero_can_be_moved(nothing):
     values = {"stiffness": 0.1, "anchor_x": -0.6, "anchor_y": 0.0, "anchor_z": 0.0}
     cable = Placed(EFFECTS["cable_pull"], "link_2", values)
     assert sizes_of(cable) == {"stiffness": 0.1, "anchor_x": 0.6, "anchor_y": 0.6, "anchor_z": 0.6}
-    ripple = Placed(EFFECTS["torque_ripple"], "joint_2", {"sine": 0.01, "cosine": 0.0, "cycles": 2.0})
+    ripple = Placed(EFFECTS["torque_ripple"], "joint_2", {"sine": 0.01, "cosine": 0.0, "cycles": 8.0})
     (found,) = screen(nothing.bench.training, nothing.naming.naive.fitted, [ripple])
     assert refit(nothing.bench, nothing.naming.naive, found).placed[0].values["cosine"] != 0.0
 
@@ -453,6 +453,21 @@ def test_what_no_probe_moves_is_held(nothing):
     explained = refit(bench, naive, candidate)
     assert found["cable_pull"].held[0] not in [name for _, name in explained.fitted.coordinates.values]
     assert seen(explained.fitted).sum() == 3
+
+
+def test_a_shape_stays_where_it_means_something(nothing):
+    """A spring that is slack only many turns away is a constant torque, and a cable from far off is gravity."""
+    bench, naive = nothing.bench, nothing.naming.naive
+    typical = scales(bench.training, naive.fitted.point)
+    tried = proposals(few("spring", "cable_pull"), bench.training, typical)
+    spring = next(p for p in tried if p.name == "spring@joint_2")
+    middle, far = typical.middle[1], max(np.pi, 4 * typical.travel[1])
+    assert spring.ranges["rest"] == pytest.approx((middle - far, middle + far))
+    free = coordinates(bench.training.simulator, (spring,), (sizes_of(spring),))
+    there = free.write(Hypothesis(naive.fitted.point.hypothesis.theta, (spring,)), np.append(free.low[:-1], 99.0))
+    assert there.placed[0].values["rest"] == pytest.approx(middle + far)
+    cable = next(p for p in tried if p.effect.name == "cable_pull")
+    assert [high - low for low, high in cable.ranges.values()] == pytest.approx([6 * typical.length] * 3)
 
 
 def moved(explanation, *placed):

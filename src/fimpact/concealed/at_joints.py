@@ -110,9 +110,9 @@ def torque_ripple(world: World, site: str, sine: float, cosine: float, cycles: f
     push(world, site, lambda v, q, u, t, h, memory: sine * np.sin(cycles * q) + cosine * np.cos(cycles * q))
 
 
-def efficiency(world: World, site: str, loss: float) -> None:
-    """The gear loses this share of the motor's torque when driving, and costs loss/(1 - loss) of it when driven."""
-    _dry(world, site, lambda v, q, u, t: abs(u) * (loss if u * v > 0 else loss / (1 - loss)))
+def efficiency(world: World, site: str, driving: float, driven: float) -> None:
+    """The gear loses a share `driving` of the motor's torque, and costs a share `driven` of it when driven."""
+    _dry(world, site, lambda v, q, u, t: abs(u) * (driving if u * v > 0 else driven))
 
 
 def hysteresis(world: World, site: str, stiffness: float, width: float) -> None:

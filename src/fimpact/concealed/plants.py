@@ -61,6 +61,10 @@ def _ratio(rng, rig, motion, site) -> Values:
     return {"forward": 1.0, "backward": low} if rng.random() < 0.5 else {"forward": low, "backward": 1.0}
 
 
+def _losses(rng, rig, motion, site) -> Values:
+    return dict(zip(("driving", "driven"), _ratio(rng, rig, motion, site).values(), strict=True))
+
+
 def _peak(rng, rig, motion, site) -> Values:
     return {"peak": float(np.abs(motion.ctrl[:, :, rig.naive.actuator(site).id]).max())}
 
@@ -119,7 +123,7 @@ PLANTS = {
         0.6,
         _phase,
     ),
-    "efficiency": _joint(joints.efficiency, "loss", 0.01, 0.5),
+    "efficiency": Plant(joints.efficiency, _arms(J), _times, 0.01, 0.5, _losses),
     "gain": _motor(signals.gain, "change", 0.01, 0.5, signed=True),
     "saturation": Plant(signals.saturation, _arms(M), lambda size, peak: {"limit": peak / (1 + size)}, 0.3, 4.0, _peak),
     "command_delay": _motor(signals.command_delay, "delay", 0.001, 0.05),

@@ -147,6 +147,8 @@ class Effect:
     export: of (spec, site, **values): write it into an MjSpec with native fields; None where MuJoCo has none, and
         then the law itself is exported as a documented Python callback.
     neutral: values at which nothing changes. family, equation, sentence, reference: for the report.
+    ranges: of (scales, model, site) -> bounds of shapes there, narrower than those of the coefficient. Beyond, a shape
+        says what another effect says better: a spring that is slack only many turns away is a constant torque.
     linear: the law is proportional to its amplitude parameters (all that are not `shape`), so a probe can be scaled.
     contains: names of effects that are special cases of this one.
     touching: it acts only while something touches: a property of the contact, or of the ground.
@@ -164,6 +166,7 @@ class Effect:
     law: Callable
     neutral: dict[str, float]
     export: Callable | None = None
+    ranges: Callable[[Scales, mujoco.MjModel, str], dict[str, tuple[float, float]]] = lambda *_: {}
     linear: bool = True
     contains: tuple[str, ...] = ()
     touching: bool = False
@@ -171,13 +174,14 @@ class Effect:
 
 @dataclass(frozen=True)
 class Placed:
-    """An effect at a site with values: a hypothesis about what is missing. sizes: the largest size of each value in the
-    effect's probes at the site, empty where nobody asked."""
+    """An effect at a site with values: a hypothesis about what is missing. sizes, ranges: the largest size of each
+    value in the effect's probes at the site, and between what bounds it may be; empty where nobody asked."""
 
     effect: Effect
     site: str
     values: dict[str, float]
     sizes: dict[str, float] = field(default_factory=dict)
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def held(self) -> list[str]:

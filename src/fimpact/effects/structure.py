@@ -10,6 +10,7 @@ from fimpact.effects.native import exporting
 INERTIAL = "Atkeson, An, Hollerbach, Int. J. Robotics Research 5(3), 1986"
 DOWN = np.array([0.0, 0.0, -9.81])  # m/s^2, for a model without gravity: a mechanism that lies in a horizontal plane
 RESTS = (-4.0, -1.0, 0.0, 1.0, 4.0)  # of a joint's travel, from its mean position
+CABLE = 3.0  # times the size of the mechanism: from further away a cable pulls at all of it alike, as gravity does
 ALONG = 0.7  # cosine above which an axis counts as parallel
 
 
@@ -144,6 +145,13 @@ def _spring_probes(scales, model, site):
     return [{"stiffness": stiffness / n, "rest": middle + far * travel} for far, n in zip(RESTS, sizes, strict=True)]
 
 
+def _rests(scales, model, site):
+    """No hinge is further from any angle than half a turn, and no slide from any place than the mechanism is long."""
+    half = np.pi if model.joint(site).type[0] == sites.HINGE else scales.length
+    middle, far = amounts.middle(scales, model, site), max(half, max(RESTS) * amounts.travel(scales, model, site))
+    return {"rest": (middle - far, middle + far)}
+
+
 def _hardening_probes(scales, model, site):
     joint = model.joint(site)
     away = amounts.middle(scales, model, site) - model.qpos_spring[joint.qposadr[0]]
@@ -157,6 +165,11 @@ def _cable_probes(scales, model, site):
     anchors = [centre + scales.length * way for way in ways]
     names = ("anchor_x", "anchor_y", "anchor_z")
     return [{"stiffness": stiffness, **dict(zip(names, map(float, anchor), strict=True))} for anchor in anchors]
+
+
+def _anchors(scales, model, site):
+    centre, far = _reference(model, site)[0], CABLE * scales.length
+    return {f"anchor_{axis}": (x - far, x + far) for axis, x in zip("xyz", map(float, centre), strict=True)}
 
 
 def _tilt_probes(scales, model, site):
@@ -224,6 +237,7 @@ EFFECTS = (
         law=spring,
         neutral={"stiffness": 0.0, "rest": 0.0},
         export=exporting(spring),
+        ranges=_rests,
     ),
     Effect(
         name="hardening_spring",
@@ -257,6 +271,7 @@ EFFECTS = (
         law=cable_pull,
         neutral={"stiffness": 0.0, "anchor_x": 0.0, "anchor_y": 0.0, "anchor_z": 0.0},
         export=_export_cable,
+        ranges=_anchors,
     ),
     Effect(
         name="gravity_tilt",

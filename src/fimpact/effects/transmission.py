@@ -6,7 +6,9 @@ from fimpact.effects import amounts, gears, sites
 from fimpact.effects.base import Coefficient, Effect, State
 from fimpact.effects.drives import motor_force
 
-CYCLES = range(2, 26, 2)  # per turn; further apart, what lies between two of them would be seen by neither
+# Per turn; further apart, what lies between two of them would be seen by neither. With fewer than four, which is what a
+# motor of two pole pairs has, a ripple is as smooth as a spring.
+CYCLES = range(4, 26, 2)
 
 
 def torque_ripple(state: State, site, sine, cosine, cycles):
@@ -15,11 +17,11 @@ def torque_ripple(state: State, site, sine, cosine, cycles):
     return state.on_joint(dof, sine * np.sin(cycles * angle) + cosine * np.cos(cycles * angle))
 
 
-def efficiency(state: State, site, loss):
+def efficiency(state: State, site, driving, driven):
     """Friction whose limit depends on whether the motor drives the joint or is driven by it."""
     force = motor_force(state, site)
-    driving, driven = loss * np.abs(force), loss / (1 - loss) * np.abs(force)
-    return np.where(force > 0, driving, driven), np.where(force < 0, driving, driven)
+    ahead, back = driving * np.abs(force), driven * np.abs(force)
+    return np.where(force > 0, ahead, back), np.where(force < 0, ahead, back)
 
 
 def _gap_probes(scales, model, site):
@@ -36,6 +38,11 @@ def _ripple_probes(scales, model, site):
     small = amounts.SMALL * amounts.force(scales, model, site)
     sine, cosine = {"sine": small, "cosine": 0.0}, {"sine": 0.0, "cosine": small}
     return [phase | {"cycles": float(n)} for n in CYCLES for phase in (sine, cosine)]
+
+
+def _loss_probes(scales, model, site):
+    half = amounts.SMALL / 2
+    return [{"driving": amounts.SMALL, "driven": half}, {"driving": half, "driven": amounts.SMALL}]
 
 
 EFFECTS = (
@@ -80,7 +87,7 @@ EFFECTS = (
         coefficients=(
             Coefficient("sine", "N m"),
             Coefficient("cosine", "N m"),
-            Coefficient("cycles", "1/turn", low=0.5, high=200.0, shape=True),
+            Coefficient("cycles", "1/turn", low=float(CYCLES.start), high=200.0, shape=True),
         ),
         sites=sites.hinges,
         probes=_ripple_probes,
@@ -90,14 +97,18 @@ EFFECTS = (
     Effect(
         name="efficiency",
         family="transmission",
-        equation="τ = (1 − λ) τ_motor where the motor drives, τ_motor/(1 − λ) where the joint drives the motor",
-        sentence="Gear losses: part of the motor's power does not reach the joint, and back-driving costs extra.",
+        equation="τ = (1 − λ₁) τ_motor where the motor drives, (1 + λ₂) τ_motor where the joint drives the motor",
+        sentence="Gear losses that differ between driving and being driven, as in worm gears and screws.",
         reference="Wang, Kim, Directional efficiency in geared transmissions, ICRA 2015",
         enters="friction",
-        coefficients=(Coefficient("loss", "1", low=0.0, high=0.9),),
+        coefficients=(
+            Coefficient("driving", "1", low=0.0, high=0.9),
+            Coefficient("driven", "1", low=0.0, high=10.0),
+        ),
         sites=sites.driven,
-        probes=lambda scales, model, site: [{"loss": amounts.SMALL}],
+        probes=_loss_probes,
         law=efficiency,
-        neutral={"loss": 0.0},
+        neutral={"driving": 0.0, "driven": 0.0},
+        contains=("load_dependent_friction",),
     ),
 )

@@ -67,8 +67,9 @@ def coordinates(simulator: Simulator, placed: tuple[Placed, ...] = (), scales: t
     for i, (hypothesis, scale) in enumerate(zip(placed, scales, strict=True)):
         for coefficient in (c for c in hypothesis.effect.coefficients if c.name not in hypothesis.held):
             names.append((i, coefficient.name))
-            lows.append(coefficient.low)
-            highs.append(coefficient.high)
+            least, most = hypothesis.ranges.get(coefficient.name, (coefficient.low, coefficient.high))
+            lows.append(least)
+            highs.append(most)
             units.append(coefficient.unit)
             sds.append(coefficient.sd)
             sizes.append(max(abs(scale[coefficient.name]), 1e-9))

@@ -80,7 +80,8 @@ def proposals(effects: Sequence[Effect], problem: Problem, scales: Scales) -> li
         for site in effect.sites(model, channels):
             placed = [Placed(effect, site, values) for values in effect.probes(scales, model, site)]
             sizes = {c.name: max((abs(p.values[c.name]) for p in placed), default=0.0) for c in effect.coefficients}
-            found += [replace(p, sizes=sizes) for p in placed]
+            ranges = effect.ranges(scales, model, site)
+            found += [replace(p, sizes=sizes, ranges=ranges) for p in placed]
     return found
 
 
