@@ -56,13 +56,14 @@ def _times(size: float, **shape) -> Values:
     return {name: size * value for name, value in shape.items()}
 
 
-def _ratio(rng, rig, motion, site) -> Values:
-    low = rng.uniform(0.2, 0.6)
-    return {"forward": 1.0, "backward": low} if rng.random() < 0.5 else {"forward": low, "backward": 1.0}
+def _uneven(first: str, second: str) -> Callable[..., Values]:
+    """Two shares of the size, either one the smaller."""
 
+    def form(rng, rig, motion, site) -> Values:
+        low = rng.uniform(0.2, 0.6)
+        return {first: 1.0, second: low} if rng.random() < 0.5 else {first: low, second: 1.0}
 
-def _losses(rng, rig, motion, site) -> Values:
-    return dict(zip(("driving", "driven"), _ratio(rng, rig, motion, site).values(), strict=True))
+    return form
 
 
 def _peak(rng, rig, motion, site) -> Values:
@@ -101,7 +102,9 @@ def _axis(rng, rig, motion, site) -> Values:
 PLANTS = {
     "coulomb": _joint(joints.coulomb, "friction", 0.01, 0.6),
     "viscous": _joint(joints.viscous, "damping", 0.02, 0.6),
-    "direction_dependent_coulomb": Plant(joints.asymmetric_coulomb, _arms(J), _times, 0.01, 0.6, _ratio),
+    "direction_dependent_coulomb": Plant(
+        joints.asymmetric_coulomb, _arms(J), _times, 0.01, 0.6, _uneven("forward", "backward")
+    ),
     "stribeck": Plant(
         joints.stribeck,
         _arms(J),
@@ -123,7 +126,7 @@ PLANTS = {
         0.6,
         _phase,
     ),
-    "efficiency": Plant(joints.efficiency, _arms(J), _times, 0.01, 0.5, _losses),
+    "efficiency": Plant(joints.efficiency, _arms(J), _times, 0.01, 0.5, _uneven("driving", "driven")),
     "gain": _motor(signals.gain, "change", 0.01, 0.5, signed=True),
     "saturation": Plant(signals.saturation, _arms(M), lambda size, peak: {"limit": peak / (1 + size)}, 0.3, 4.0, _peak),
     "command_delay": _motor(signals.command_delay, "delay", 0.001, 0.05),

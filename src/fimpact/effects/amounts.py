@@ -73,6 +73,14 @@ def directions(model: mujoco.MjModel, frame: np.ndarray | None = None) -> list[i
     return [axis for axis in range(3) if axis != still]
 
 
+def reference(model, body: str) -> tuple[np.ndarray, np.ndarray]:
+    """Centre of mass, (3,), and axes, (3, 3), of a body in the reference configuration."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    row = data.body(body)
+    return row.xipos, row.xmat.reshape(3, 3)
+
+
 def _actuation(commands: np.ndarray, model, actuator: str) -> float:
     row = model.actuator(actuator)
     return float(max(commands[row.id], FLOOR) * max(abs(row.gainprm[0]), FLOOR))

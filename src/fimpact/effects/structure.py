@@ -1,4 +1,4 @@
-"""Masses, springs and cables that the model does not know, and the way the whole stands."""
+"""Springs and cables that the model does not know, and the way the whole stands."""
 
 import mujoco
 import numpy as np
@@ -7,36 +7,10 @@ from fimpact.effects import amounts, sites
 from fimpact.effects.base import Coefficient, Effect, State
 from fimpact.effects.native import exporting
 
-INERTIAL = "Atkeson, An, Hollerbach, Int. J. Robotics Research 5(3), 1986"
 DOWN = np.array([0.0, 0.0, -9.81])  # m/s^2, for a model without gravity: a mechanism that lies in a horizontal plane
 RESTS = (-4.0, -1.0, 0.0, 1.0, 4.0)  # of a joint's travel, from its mean position
 CABLE = 3.0  # times the size of the mechanism: from further away a cable pulls at all of it alike, as gravity does
 ALONG = 0.7  # cosine above which an axis counts as parallel
-
-
-def payload(model, site, mass, place):
-    """A point mass joined to the body: parallel axes, then the principal axes of the sum."""
-    if mass == 0:
-        return
-    body = model.body(site).id
-    own, centre = model.body_mass[body], model.body_ipos[body].copy()
-    total, spot = own + mass, place * _outward(model, body)
-    between = spot - centre
-    inertia = _full_inertia(model, body) + own * mass / total * (
-        between @ between * np.eye(3) - np.outer(between, between)
-    )
-    model.body_mass[body], model.body_ipos[body] = total, centre + mass / total * between
-    _set_inertia(model, body, inertia)
-
-
-def com_shift(model, site, x, y, z):
-    """The inertial frame moves in the body's axes."""
-    model.body_ipos[model.body(site).id] += x, y, z
-
-
-def inertia(model, site, change):
-    """All three principal moments are scaled."""
-    model.body_inertia[model.body(site).id] *= 1 + change
 
 
 def spring(model, site, stiffness, rest):
@@ -80,28 +54,6 @@ def quaternion(rotation: np.ndarray) -> np.ndarray:
     return out
 
 
-def _outward(model, body: int) -> np.ndarray:
-    centre = model.body_ipos[body]
-    far = np.linalg.norm(centre)
-    return centre / far if far > 1e-6 else np.array([1.0, 0.0, 0.0])
-
-
-def _full_inertia(model, body: int) -> np.ndarray:
-    axes = np.empty(9)
-    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
-    axes = axes.reshape(3, 3)
-    return axes * model.body_inertia[body] @ axes.T
-
-
-def _set_inertia(model, body: int, full: np.ndarray) -> None:
-    moments, axes = np.linalg.eigh(full)
-    axes[:, 0] *= np.sign(np.linalg.det(axes))
-    # MuJoCo lists principal moments from large to small; reversing the axes would mirror them, so turn one round.
-    moments, axes = moments[::-1], axes[:, ::-1] * [1, -1, 1]
-    model.body_inertia[body] = moments
-    mujoco.mju_mat2Quat(model.body_iquat[body], axes.flatten())
-
-
 def _export_cable(spec, site, stiffness, anchor_x, anchor_y, anchor_z):
     body, name = spec.body(site), _free_name(spec, f"cable_{site}")
     centre = spec.compile().body_ipos[body.id]
@@ -115,26 +67,6 @@ def _export_cable(spec, site, stiffness, anchor_x, anchor_y, anchor_z):
 def _free_name(spec, name: str) -> str:
     taken = {tendon.name for tendon in spec.tendons}
     return next(n for n in (name, *(f"{name}_{i}" for i in range(len(taken)))) if n not in taken)
-
-
-def _reference(model, body: str) -> tuple[np.ndarray, np.ndarray]:
-    """Centre of mass, (3,), and axes, (3, 3), of a body in the reference configuration."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    row = data.body(body)
-    return row.xipos, row.xmat.reshape(3, 3)
-
-
-def _payload_probes(scales, model, site):
-    centre = np.linalg.norm(model.body(site).ipos)
-    far = 2 * float(centre) if centre > 1e-6 else scales.length / 4
-    return [{"mass": amounts.SMALL * scales.mass, "place": place} for place in (far / 2, far)]
-
-
-def _com_probes(scales, model, site):
-    still = dict.fromkeys("xyz", 0.0)
-    moving = amounts.directions(model, _reference(model, site)[1])
-    return [still | {"xyz"[axis]: amounts.SMALL / 2 * scales.length} for axis in moving]
 
 
 def _spring_probes(scales, model, site):
@@ -160,7 +92,7 @@ def _hardening_probes(scales, model, site):
 
 
 def _cable_probes(scales, model, site):
-    stiffness, centre = amounts.SMALL * amounts.push(scales, model) / scales.length, _reference(model, site)[0]
+    stiffness, centre = amounts.SMALL * amounts.push(scales, model) / scales.length, amounts.reference(model, site)[0]
     ways = [side * np.eye(3)[axis] for axis in amounts.directions(model) for side in (-1, 1)]
     anchors = [centre + scales.length * way for way in ways]
     names = ("anchor_x", "anchor_y", "anchor_z")
@@ -168,7 +100,7 @@ def _cable_probes(scales, model, site):
 
 
 def _anchors(scales, model, site):
-    centre, far = _reference(model, site)[0], CABLE * scales.length
+    centre, far = amounts.reference(model, site)[0], CABLE * scales.length
     return {f"anchor_{axis}": (x - far, x + far) for axis, x in zip("xyz", map(float, centre), strict=True)}
 
 
@@ -182,48 +114,6 @@ def _tilt_probes(scales, model, site):
 
 
 EFFECTS = (
-    Effect(
-        name="payload",
-        family="structure",
-        equation="m' = m + Δm, a point mass at distance r from the body's origin towards its centre of mass",
-        sentence="The link carries a mass that the model does not have: a tool, a battery, a cable loom.",
-        reference=INERTIAL,
-        enters="model",
-        coefficients=(Coefficient("mass", "kg", low=0.0), Coefficient("place", "m", shape=True)),
-        sites=sites.bodies,
-        probes=_payload_probes,
-        law=payload,
-        neutral={"mass": 0.0, "place": 0.0},
-        export=exporting(payload),
-    ),
-    Effect(
-        name="com_shift",
-        family="structure",
-        equation="c' = c + (x, y, z), in the body's frame",
-        sentence="The body's centre of mass is not where the drawing puts it.",
-        reference=INERTIAL,
-        enters="model",
-        coefficients=(Coefficient("x", "m"), Coefficient("y", "m"), Coefficient("z", "m")),
-        sites=sites.bodies,
-        probes=_com_probes,
-        law=com_shift,
-        neutral={"x": 0.0, "y": 0.0, "z": 0.0},
-        export=exporting(com_shift),
-    ),
-    Effect(
-        name="inertia",
-        family="structure",
-        equation="I' = (1 + ε) I, about the centre of mass",
-        sentence="The body is harder or easier to spin than its mass suggests: its mass is spread differently.",
-        reference=INERTIAL,
-        enters="model",
-        coefficients=(Coefficient("change", "1", low=-0.95, high=100.0),),
-        sites=sites.bodies,
-        probes=lambda scales, model, site: [{"change": amounts.SMALL}],
-        law=inertia,
-        neutral={"change": 0.0},
-        export=exporting(inertia),
-    ),
     Effect(
         name="spring",
         family="structure",
