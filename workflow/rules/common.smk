@@ -33,8 +33,8 @@ REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in (
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
 EFFECTS = (
-    "__init__ actuation amounts base contact drives environment friction gears native sensing sites structure "
-    "transmission"
+    "__init__ actuation amounts base contact drives environment friction gears masses native sensing sites "
+    "structure transmission"
 )
 CORE = (
     "__init__ acting bounded colour commands coordinates evidence explain fit judge leap player price problem pulses "
