@@ -2,18 +2,22 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 
-from fimpact.concealed import draw, plants
+from fimpact.concealed import draw, plants, referee
 from fimpact.concealed.archive import cases_in, load_recording, save_recording
 from fimpact.concealed.detect import cut, gather, models, predict, see, tangents
 from fimpact.concealed.draw import draw_case
 from fimpact.concealed.motions import draw_motion
 from fimpact.concealed.rigs import RIGS, rig_of
 from fimpact.concealed.seal import open_seal, robot, write_case
+from fimpact.concealed.sizing import set_stage, trace
+from fimpact.concealed.split import SPLIT, best_split
 from fimpact.concealed.strangers import STRANGERS, known, plant
 from fimpact.concealed.truth import as_json, from_json, run_on_robot
 from fimpact.concealed.twins import TWINS
@@ -165,6 +169,42 @@ def test_twins_cannot_be_told_apart():
     _, truth = draw_case(1, "twin", seed=3, system="arm_free")
     assert truth.rival.name != truth.effects[0].name
     assert truth.left < 4 < truth.lam
+
+
+def test_twins_that_no_experiment_would_split_are_not_drawn(monkeypatch):
+    monkeypatch.setattr(draw, "best_split", lambda *_: 10.9)
+    with pytest.raises(ValueError, match="found no fit"):
+        draw_case(1, "twin", seed=3, system="arm_free")
+
+
+@pytest.mark.parametrize(
+    ("style", "names", "splits"),
+    [("slow", ("command_delay", "actuator_lag"), False), ("oneway", ("torque_offset", "coulomb"), True)],
+)
+def test_an_oracle_knows_which_twins_an_experiment_splits(style, names, splits):
+    """A delay and a lag of 1 ms look alike whatever the free arm does; an offset and dry friction do not, once it turns
+    round."""
+    rig, rng = rig_of("arm_free"), np.random.default_rng(4)
+    motion = draw_motion(rig, rng, style)
+    stage = set_stage(rig, motion, np.zeros(len(rig.unknowns)), motion.start, 0.07, 0.1)
+    sites = [known(name).sites["arm_free"][0] for name in names]
+    sizes = ({"delay": 0.001}, {"time": 0.001}) if style == "slow" else ({"offset": 0.05}, {"friction": 0.05})
+    traces = [trace(stage, n, s, 1.0, v) for n, s, v in zip(names, sites, sizes, strict=True)]
+    assert (best_split(stage, list(zip(names, sites, strict=True)), traces, rng) > SPLIT) == splits
+
+
+def test_only_experiments_that_count_are_played(monkeypatch):
+    """Those of twins always, those of what has no name never, any others of the chosen cases only."""
+    kinds = {"1": "twin", "2": "single", "3": "single", "4": "outside"}
+
+    def asked(sealed, case):
+        return SimpleNamespace(truth=SimpleNamespace(kind=kinds[case]), play=lambda run: np.zeros((1, 1)))
+
+    monkeypatch.setattr(referee, "robot", asked)
+    own = {"ctrl": np.zeros((1, 1)), "qpos": np.zeros(1), "qvel": np.zeros(1)}
+    commands = {f"{case}/designed/{name}": array for case in kinds for name, array in own.items()}
+    played = referee.reveal(Path(), commands, ["3", "4"], lambda line: None)
+    assert set(played) == {"1/designed/measured", "3/designed/measured"}
 
 
 def test_the_recording_says_nothing_about_the_noise_or_the_effect(case):

@@ -67,7 +67,7 @@ STAGES = {
     "conceal": [
         *SHARED,
         *RIGS,
-        *(f"concealed/{name}" for name in "detect draw motions plan referee seal sizing twins".split()),
+        *(f"concealed/{name}" for name in "detect draw motions plan referee seal sizing split twins".split()),
     ],
     "diagnose": [
         *SHARED,

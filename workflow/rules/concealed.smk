@@ -57,6 +57,8 @@ rule reveal:
         "<concealed>/logs/reveal/{scatteritem}.log",
     priority: 2
     threads: 1
+    params:
+        played=compared_cases("played"),
     message:
         "play the experiments of part {wildcards.scatteritem}"
     script:

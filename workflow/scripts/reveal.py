@@ -13,5 +13,5 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with logged(snakemake.log[0]) as progress, np.load(snakemake.input.commands) as commands:
-    played = reveal(Path(snakemake.input.sealed), dict(commands), progress)
+    played = reveal(Path(snakemake.input.sealed), dict(commands), snakemake.params.played, progress)
     tables.write_arrays(played, snakemake.output[0])

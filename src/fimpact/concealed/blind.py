@@ -105,7 +105,7 @@ def diagnose_part(recordings: Path, report: Report) -> tuple[list[dict[str, Any]
 def resolve_part(recordings: Path, diagnoses: Path, commands: Arrays, played: Arrays, report: Report) -> list[dict]:
     """A row for every case whose experiments were played: what each of them leaves of the set."""
     rows, runs = read_rows(diagnoses), runs_of(commands | played)
-    ways = {case: {w: runs[f"{case}/{w}"] for w in WAYS if f"{case}/{w}" in runs} for case in rows}
+    ways = {case: {w: runs[f"{case}/{w}"] for w in WAYS if f"{case}/{w}/measured" in played} for case in rows}
 
     def work(case: str) -> dict[str, Any]:
         return resolve_case(load_recording(recordings, case), rows[case], ways[case])

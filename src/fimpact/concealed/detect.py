@@ -170,6 +170,18 @@ def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> S
     return Seen(gram[:k, :k] - absorbed, np.sum(traces**2, axis=(0, 1)), np.diag(gram)[:k])
 
 
+def left_over(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> np.ndarray:
+    """Squares of each window, (W,), that are left of the first of `traces` (W, n ny, k) when the others, of any size,
+    unknowns and starts have imitated it as far as they can (`see`)."""
+    white, others = _whitener(noise), traces.shape[2] - 1
+    both, start = (white(a) for a in (np.concatenate([traces, _unknown(tangent)], 2), tangent.start))
+    both -= start @ np.linalg.solve(_start_information(rig, tangent, start), _t(start) @ both)
+    own, rest = both[:, :, :1], both[:, :, 1:]
+    gram, along = ((_t(rest) @ part).sum(0) for part in (rest, own))
+    gram[others:, others:] += _prior(rig, tangent)
+    return ((own - rest @ np.linalg.solve(gram, along)) ** 2).sum((1, 2))
+
+
 def absorb(rig: Rig, tangent: Tangents, noise: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the unknowns, (p,), and of the starts, (W, 2 nv), that imitate the trace `change` (W, n ny, 1) best."""
     white = _whitener(noise)

@@ -8,6 +8,7 @@ from fimpact.concealed.motions import Motion, draw_motion
 from fimpact.concealed.plants import PLANTS
 from fimpact.concealed.rigs import CLOCK, RIGS, Rig, rig_of
 from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, glance, seen, set_stage, trace, whole
+from fimpact.concealed.split import SPLIT, best_split
 from fimpact.concealed.strangers import STRANGERS, known
 from fimpact.concealed.truth import Planted, Truth, clean, measure, slips, world_of
 from fimpact.concealed.twins import TWINS
@@ -67,7 +68,7 @@ def _draw(rng, index, kind, system, target, attempt, seed):
     traces = tuple(fit_size(stage, *place, known(place[0]), *form, target) for place, form in own)
     rival, together = None, _together(stage, traces)
     if kind == "twin":
-        rival, cosine, left = _rival(stage, *choice, forms[1][0], traces[0])
+        rival, cosine, left = _rival(rng, stage, choice, forms[1][0], traces[0])
         together |= {"cosine": cosine, "left": left}
     if kind == "single" and _insists(index, system) and attempt < INSISTENCE and together["kappa"] < HIDDEN:
         raise Unfit("not hidden enough")
@@ -200,19 +201,19 @@ def _indistinct(cosine: float, left: float) -> bool:
     return cosine > ALIKE and left < INDISTINCT
 
 
-def _rival(stage, place, other_place, shape, own: Trace) -> tuple[Planted, float, float]:
+def _rival(rng, stage, choice, shape, own: Trace) -> tuple[Planted, float, float]:
     """The other twin, sized alike, and cosine and rest of the two in all runs; Unfit unless the recordings cannot tell
-    them apart, by those for training, which lambda is of, or by any."""
-    everything, (name, site) = whole(stage), other_place
+    them apart, by those for training, which lambda is of, or by any, and a further experiment can."""
+    everything, (name, site) = whole(stage), choice[1]
     for sign in _signs(name):
         other = fit_size(stage, name, site, known(name), shape, sign, seen(stage, own).size[0])
         if not _twins(stage, own, other):
             continue
-        both = (trace(everything, *at, t.size, t.values) for at, t in ((place, own), (other_place, other)))
+        both = (trace(everything, *at, t.size, t.values) for at, t in zip(choice, (own, other), strict=True))
         shown = seen(everything, *both).left(0, 1)
-        if _indistinct(*shown):
+        if _indistinct(*shown) and best_split(stage, choice, [own, other], rng) >= SPLIT:
             return _planted(stage, site, other, name), *shown
-    raise Unfit("the recordings tell the twins apart")
+    raise Unfit("the recordings tell the twins apart, or no experiment would")
 
 
 def record(truth: Truth, motion: Motion) -> Recording:

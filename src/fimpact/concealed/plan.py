@@ -45,7 +45,7 @@ def compared(settings: dict[str, Any], key: str = "compared") -> list[str]:
     """Names of the random share of the cases on which slow comparators run; chosen before anything is planted.
 
     Args:
-        key: the share's, ``compared`` or ``refitted``; the smaller share is part of the larger.
+        key: the share's, ``compared``, ``refitted`` or ``played``; the smaller share is part of the larger.
     """
     every = case_names(settings)
     count = ceil(settings[key] * len(every) - 1e-9)

@@ -1,6 +1,6 @@
 """The side of the benchmark that knows: it plants and seals, and plays what the blind side asks for."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +8,7 @@ from fimpact.concealed.draw import draw_case
 from fimpact.concealed.plan import Case
 from fimpact.concealed.rows import Arrays, Report, each, runs_of
 from fimpact.concealed.seal import robot, write_case
+from fimpact.concealed.truth import UNNAMED
 
 DRAWS, SAME, APART, FURTHER = 6, 2, 1_000_003, 97  # draws that find no fit: other seeds, then other effects as well
 
@@ -35,11 +36,14 @@ def _draw(case: Case, settings: dict):
     raise reason
 
 
-def reveal(sealed: Path, commands: Arrays, report: Report) -> Arrays:
-    """What the sealed robots measure under `commands`, (case/way/ctrl, qpos, qvel) -> case/way/measured."""
+def reveal(sealed: Path, commands: Arrays, chosen: Collection[str], report: Report) -> Arrays:
+    """What the sealed robots measure under `commands`, (case/way/ctrl, qpos, qvel) -> case/way/measured: of all twins,
+    and of those of the `chosen` cases in which an experiment can leave what was planted."""
     out = {}
     for place, run in runs_of(commands).items():
         case, _, way = place.partition("/")
-        report(f"{case}: {way} experiment")
-        out[f"{place}/measured"] = robot(sealed, case).play(run)
+        asked = robot(sealed, case)
+        if asked.truth.kind == "twin" or (case in chosen and asked.truth.kind not in UNNAMED):
+            report(f"{case}: {way} experiment")
+            out[f"{place}/measured"] = asked.play(run)
     return out

@@ -1,4 +1,7 @@
-"""Pairs of effects that some motions cannot tell apart although others can."""
+"""Pairs of effects that some motions cannot tell apart although others can.
+
+Delay and lag are no twins in the free arm: there no command within its limits tells them apart.
+"""
 
 from dataclasses import dataclass
 
@@ -15,7 +18,7 @@ class Twins:
 TWINS = (
     Twins(("torque_offset", "coulomb"), "oneway", ("arm_free",)),
     Twins(("gain", "saturation"), "bang", ("arm_free", "arm_contact")),
-    Twins(("command_delay", "actuator_lag"), "slow", ("arm_free", "arm_contact")),
+    Twins(("command_delay", "actuator_lag"), "slow", ("arm_contact",)),
     Twins(("coulomb", "stribeck"), "oneway", ("arm_free",)),
     Twins(("spring", "torque_offset"), "still", ("arm_free", "arm_contact")),
     Twins(("coulomb", "dahl"), "oneway", ("arm_free",)),
