@@ -8,6 +8,7 @@ from planted import record
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.mismatch import separate
 from fimpact.mismatch.bounded import bounded
 from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.discriminate import ENOUGH, GENERATIONS, PATIENCE, TRIED, Limits, _search, limits, worth
@@ -215,6 +216,24 @@ def test_a_search_that_finds_nothing_worth_playing_ends_early():
 def test_a_pair_that_nothing_separates_does_not_decide():
     pairs = np.array([[0.1, 5.0], [0.1, 50.0], [0.2, 5.0]])
     assert np.argmax(worth(pairs)) == 1
+
+
+def test_a_special_case_is_told_by_what_only_the_general_one_does(rivals, monkeypatch):
+    """Dry friction that rises near rest can always do without that; it is asked whether dry friction alone could do
+    with it."""
+    made, (coulomb, _) = rivals
+    stribeck = {"stribeck@joint_2": {"coulomb": FRICTION, "excess": FRICTION, "speed": 0.3}}
+    general = _explained(made, coulomb.fitted.point, coulomb.judged, stribeck)
+    placed = (replace(general.placed[0], values=stribeck["stribeck@joint_2"]),)
+    at = Hypothesis(general.fitted.point.hypothesis.theta, placed)
+    far = replace(general.fitted, point=replace(general.fitted.point, hypothesis=at))
+    allowed = limits(made, made.training.simulator.recording)
+    parts = [part[None] for part in allowed.unpack(allowed.draw(np.random.default_rng(0), 1)[0])]
+    told = known(made, [coulomb, replace(general, fitted=far)])
+    told = replace(told, information=[told.information[0], 0.0 * told.information[1]])
+    found = separations(made, told, *parts)
+    monkeypatch.setattr(separate, "_contains", lambda *_: False)
+    assert (separations(made, told, *parts) < 0.1 * found).all()
 
 
 def test_commands_go_gently_or_at_once_from_knot_to_knot():

@@ -22,6 +22,7 @@ from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.weigh import generalises
 from fimpact.mismatch.windows import Windows
 
 OPEN = 1e-13  # added to scaled information, so that a direction without any can be solved for
@@ -79,8 +80,9 @@ def _sizes(fitted: Fit) -> list[int]:
 
 
 def separations(bench: Bench, told: Known, ctrl, qpos, qvel) -> np.ndarray:
-    """Non-centrality of each pair of `told` members, the lesser of one under the other and the other under the one, for
-    each of n experiments, (n, pairs); 0 where one diverges.
+    """Non-centrality of each pair of `told` members for each of n experiments, (n, pairs); 0 where one diverges: the
+    lesser of one under the other and the other under the one, or, where one is a special case, which the other can
+    always do as well, that of the other under the special one.
 
     Args:
         ctrl: (n, T, nu). qpos: (n, nq). qvel: (n, nv).
@@ -92,12 +94,17 @@ def separations(bench: Bench, told: Known, ctrl, qpos, qvel) -> np.ndarray:
     shared = _shared(problem, point, first)
     predicted, linears = zip(*(_member(problem, fitted, shared) for fitted in told.fits), strict=True)
     linears = [shade.apply(linear) for linear in linears]
-    sides = [
-        [_left(predicted[a] - predicted[b], linears[one], told.information[one], len(ctrl)) for one in (a, b)]
-        for a, b in combinations(range(len(predicted)), 2)
-    ]
-    least = np.min(sides, 1).T
+    found = []
+    for a, b in combinations(range(len(predicted)), 2):
+        under = [one for one, other in ((a, b), (b, a)) if not _contains(told.fits[one], told.fits[other])] or [a, b]
+        apart = predicted[a] - predicted[b]
+        found.append(np.min([_left(apart, linears[one], told.information[one], len(ctrl)) for one in under], 0))
+    least = np.array(found).T
     return np.where(np.isfinite(least), least, 0.0)
+
+
+def _contains(one: Fit, other: Fit) -> bool:
+    return generalises(one.point.hypothesis, other.point.hypothesis)
 
 
 def _played(bench: Bench, member: Fit, ctrl, qpos, qvel) -> Problem:

@@ -11,6 +11,7 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, exposed
 from fimpact.mismatch.price import price
 from fimpact.mismatch.pulses import Pulses
+from fimpact.mismatch.simulate import Hypothesis
 
 STRAY = 9.0  # squares of a window by which another rival's sensitivities must do better to be taken
 # Weight, relative to the best, above which an explanation cannot be told from it; and one that says the same with more.
@@ -119,7 +120,7 @@ def members(
     return [best, *(r for r in others if r.weight >= needed[generalises(r, best)] * best.weight)] if best.placed else []
 
 
-def generalises(rival: Explanation, best: Explanation) -> bool:
+def generalises(rival: Explanation | Hypothesis, best: Explanation | Hypothesis) -> bool:
     """Whether `rival` says what `best` says, with more coefficients: chance alone lets it fit somewhat better."""
     special = {(p.effect.name, p.site) for p in best.placed}
     covered = {(name, p.site) for p in rival.placed for name in (p.effect.name, *p.effect.contains)}
