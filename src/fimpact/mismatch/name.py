@@ -24,6 +24,7 @@ from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.step import ALARM, Search, Step, step, together
 from fimpact.mismatch.tame import WILD, tamed
 from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
+from fimpact.mismatch.widen import widened
 
 SUSPECT = 0.05  # family-wise p up to which a name is asked for where something without one is there for certain
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
@@ -116,8 +117,11 @@ def _serving(search: Search, naive: Explanation, best: Explanation, last: Step, 
 
 
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
-    """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way."""
-    bench = search.bench
+    """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way. Before that,
+    where nothing is near the noise, a special case gives way to a more general law."""
+    bench, lead = search.bench, rivals[0]
+    if lead.dispersion > WILD:
+        rivals = search.ranked([*rivals, *widened(bench, lead, search.candidates, search.progress)])
     for leaving in rivals[0].placed:
         rest = tuple(p for p in rivals[0].placed if p.name != leaving.name)
         if len(rest) == len(rivals[0].placed):
