@@ -193,6 +193,16 @@ def test_an_oracle_knows_which_twins_an_experiment_splits(style, names, splits):
     assert (best_split(stage, list(zip(names, sites, strict=True)), traces, rng) > SPLIT) == splits
 
 
+def test_throws_are_split_by_other_throws():
+    """Drag that grows with speed and drag that grows with its square, of a block that is always thrown as fast."""
+    rig, rng = rig_of("block"), np.random.default_rng(4)
+    motion = draw_motion(rig, rng, "steady")
+    stage = set_stage(rig, motion, np.zeros(len(rig.unknowns)), motion.start, 0.07, 0.1)
+    places = [("linear_drag", "block"), ("quadratic_drag", "block")]
+    traces = [trace(stage, *place, 1.0, {"coefficient": 0.1}) for place in places]
+    assert np.isfinite(best_split(stage, places, traces, rng))
+
+
 def test_only_experiments_that_count_are_played(monkeypatch):
     """Those of twins always, those of what has no name never, any others of the chosen cases only."""
     kinds = {"1": "twin", "2": "single", "3": "single", "4": "outside"}

@@ -44,10 +44,11 @@ def _experiments(stage: Stage, rng: np.random.Generator) -> Motion:
     calm = np.where(np.arange(TRIED) % 4 < 2, 1.0, rng.uniform(0, 1, TRIED))
     knots = calm[:, None, None] * rng.uniform(low, high, (TRIED, KNOTS, nu))
     time = np.linspace(0, KNOTS - 1, samples)
-    lines = np.array([[np.interp(time, np.arange(KNOTS), one) for one in own.T] for own in knots])
+    lines = [np.interp(time, np.arange(KNOTS), one) for own in knots for one in own.T]
     waves = _waves(rng, samples)[:, None] * (rng.uniform(0, 1, (TRIED, nu)) * (high - low))[:, :, None]
-    out = np.clip((lines + waves).reshape(TRIED, nu, samples).transpose(0, 2, 1), low, high)
-    return Motion(rng.uniform(start.min(0), start.max(0), (TRIED, start.shape[1])), out, np.zeros(TRIED, bool))
+    out = np.reshape(lines, (TRIED, nu, samples)) + waves  # of what is thrown: nothing
+    began = rng.uniform(start.min(0), start.max(0), (TRIED, start.shape[1]))
+    return Motion(began, np.clip(out.transpose(0, 2, 1), low, high), np.zeros(TRIED, bool))
 
 
 def _waves(rng: np.random.Generator, samples: int) -> np.ndarray:
