@@ -63,3 +63,20 @@ def test_general_laws_are_asked_for_where_nothing_is_near_the_noise(found, monke
     monkeypatch.setattr(name, "step", lambda *_, **__: type("Step", (), {"rivals": []}))
     name._reconsider(search, [replace(current, dispersion=dispersion)])
     assert calls == [current.name] * asked and np.isfinite(current.deviance)
+
+
+@pytest.mark.parametrize(("dispersion", "rounds"), [(0.9 * WILD, 1), (1.1 * WILD, 2)])
+def test_far_from_the_noise_all_is_asked_again_while_the_lead_changes(found, monkeypatch, dispersion, rounds):
+    search, current = found
+    lead, other = replace(current, dispersion=dispersion), replace(current, placed=current.placed[::-1] * 2)
+    asked = []
+
+    def left_out(search, rivals):
+        asked.append(rivals[0].name)
+        return [replace(other, dispersion=dispersion)]
+
+    monkeypatch.setattr(name, "widened", lambda *_: [])
+    monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
+    monkeypatch.setattr(name, "_left_out", left_out)
+    assert name._reconsider(search, [lead])[0].name == other.name
+    assert asked == [lead.name, other.name][:rounds]

@@ -27,6 +27,7 @@ from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
 from fimpact.mismatch.widen import widened
 
 SUSPECT = 0.05  # family-wise p up to which a name is asked for where something without one is there for certain
+PASSES = 3  # of that, at most, over the effects of an explanation that is far from the noise
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 
 
@@ -117,11 +118,24 @@ def _serving(search: Search, naive: Explanation, best: Explanation, last: Step, 
 
 
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
-    """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way. Before that,
-    where nothing is near the noise, a special case gives way to a more general law."""
-    bench, lead = search.bench, rivals[0]
-    if lead.dispersion > WILD:
-        rivals = search.ranked([*rivals, *widened(bench, lead, search.candidates, search.progress)])
+    """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way.
+
+    Where nothing is near the noise, a special case gives way to a more general law before that, and all is done again
+    as long as another explanation comes to lead.
+    """
+    for _ in range(PASSES):
+        lead = rivals[0]
+        if lead.dispersion > WILD:
+            wider = widened(search.bench, lead, search.candidates, search.progress)
+            rivals = search.ranked([*rivals, *wider])
+        rivals = _left_out(search, rivals)
+        if lead.dispersion <= WILD or rivals[0].name == lead.name or len(rivals[0].placed) < 2:
+            break
+    return rivals
+
+
+def _left_out(search: Search, rivals: list[Explanation]) -> list[Explanation]:
+    bench = search.bench
     for leaving in rivals[0].placed:
         rest = tuple(p for p in rivals[0].placed if p.name != leaving.name)
         if len(rest) == len(rivals[0].placed):
