@@ -55,14 +55,32 @@ def test_a_general_law_fits_no_worse_than_its_special_case(found):
     assert "refitting with stribeck@joint_2 in the place of coulomb@joint_2" in lines
 
 
-@pytest.mark.parametrize(("dispersion", "asked"), [(0.9 * WILD, 0), (1.1 * WILD, 1)])
-def test_general_laws_are_asked_for_where_nothing_is_near_the_noise(found, monkeypatch, dispersion, asked):
+def test_what_is_named_already_is_no_general_law_for_another(found):
+    search, current = found
+    dahl = Placed(EFFECTS["dahl"], "joint_2", {"friction": 0.1 * FRICTION, "displacement": 0.1})
+    both = replace(current, placed=(current.placed[0], dahl))
+    begun = []
+    next(widened(search.bench, both, search.candidates, begun.append))
+    assert not any(line.startswith("refitting with dahl") for line in begun)
+
+
+def test_general_laws_are_asked_for_where_nothing_is_near_the_noise(found, monkeypatch):
     search, current = found
     calls = []
     monkeypatch.setattr(name, "widened", lambda *given: calls.append(given[1].name) or [])
-    monkeypatch.setattr(name, "step", lambda *_, **__: type("Step", (), {"rivals": []}))
-    name._reconsider(search, [replace(current, dispersion=dispersion)])
-    assert calls == [current.name] * asked and np.isfinite(current.deviance)
+    monkeypatch.setattr(name, "_left_out", lambda search, rivals: rivals)
+    for dispersion in (0.9 * WILD, 1.1 * WILD):
+        name._reconsider(search, [replace(current, dispersion=dispersion)])
+    assert calls == [current.name]
+
+
+def test_of_one_name_the_better_fit_is_compared(found):
+    _, current = found
+    worse = replace(current, fitted=replace(current.fitted, point=replace(current.fitted.point, cost=1e9)))
+    diverged = replace(current, deviance=np.inf)
+    for rivals in ([worse, current], [current, worse], [diverged, worse, current]):
+        (kept,) = name._best_of_each(rivals)
+        assert kept.fitted.point.cost == current.fitted.point.cost and np.isfinite(kept.deviance)
 
 
 @pytest.mark.parametrize(("dispersion", "rounds"), [(0.9 * WILD, 1), (1.1 * WILD, 2)])
@@ -76,7 +94,7 @@ def test_far_from_the_noise_all_is_asked_again_while_the_lead_changes(found, mon
         return [replace(other, dispersion=dispersion)]
 
     monkeypatch.setattr(name, "widened", lambda *_: [])
-    monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
+    monkeypatch.setattr(Search, "compared", lambda self, rivals: rivals)
     monkeypatch.setattr(name, "_left_out", left_out)
     assert name._reconsider(search, [lead])[0].name == other.name
     assert asked == [lead.name, other.name][:rounds]

@@ -172,7 +172,8 @@ def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> S
 
 def left_over(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> np.ndarray:
     """Squares of each window, (W,), that are left of the first of `traces` (W, n ny, k) when the others, of any size,
-    unknowns and starts have imitated it as far as they can (`see`)."""
+    unknowns and starts have imitated it as far as they can; without what the priors of these cost, hence a little less
+    in all than is left in `see`."""
     white, others = _whitener(noise), traces.shape[2] - 1
     both, start = (white(a) for a in (np.concatenate([traces, _unknown(tangent)], 2), tangent.start))
     both -= start @ np.linalg.solve(_start_information(rig, tangent, start), _t(start) @ both)

@@ -8,7 +8,6 @@ from fimpact.concealed.draw import draw_case
 from fimpact.concealed.plan import Case
 from fimpact.concealed.rows import Arrays, Report, each, runs_of
 from fimpact.concealed.seal import robot, write_case
-from fimpact.concealed.truth import UNNAMED
 
 DRAWS, SAME, APART, FURTHER = 6, 2, 1_000_003, 97  # draws that find no fit: other seeds, then other effects as well
 
@@ -37,13 +36,13 @@ def _draw(case: Case, settings: dict):
 
 
 def reveal(sealed: Path, commands: Arrays, chosen: Collection[str], report: Report) -> Arrays:
-    """What the sealed robots measure under `commands`, (case/way/ctrl, qpos, qvel) -> case/way/measured: of all twins,
-    and of those of the `chosen` cases in which an experiment can leave what was planted."""
+    """What the sealed robots measure under `commands`, (case/way/ctrl, qpos, qvel) -> case/way/measured: of all twins
+    and of the `chosen` cases. Which are played tells what is a twin, when all is diagnosed already."""
     out = {}
     for place, run in runs_of(commands).items():
         case, _, way = place.partition("/")
         asked = robot(sealed, case)
-        if asked.truth.kind == "twin" or (case in chosen and asked.truth.kind not in UNNAMED):
+        if asked.truth.kind == "twin" or case in chosen:
             report(f"{case}: {way} experiment")
             out[f"{place}/measured"] = asked.play(run)
     return out

@@ -16,7 +16,7 @@ from fimpact.concealed.oracle import oracle_error
 from fimpact.concealed.places import mode_claimed, places
 from fimpact.concealed.rows import Report, each, read_rows
 from fimpact.concealed.seal import open_seal
-from fimpact.concealed.truth import UNNAMED, Planted, Truth
+from fimpact.concealed.truth import Planted, Truth
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 
@@ -153,7 +153,7 @@ def _resolved(truth: Truth, row, resolved) -> dict[str, Any]:
     that has none, alone."""
     out: dict[str, Any] = {"members": len(row["answer_set"]), "both_in_set": None}
     out |= {f"resolved_{way}": None for way in ("designed", "random")}
-    if truth.kind in UNNAMED:
+    if truth.kind in ("null", "outside"):
         return out
     own, rival = planted_name(truth.effects), planted_name([truth.rival]) if truth.rival else None
     if rival:

@@ -18,8 +18,14 @@ def best_split(stage: Stage, places: list[tuple[str, str]], traces: list[Trace],
     """What is left of lambda of the first of two effects, the second known, after the best of some random experiments:
     each as long as a training run, within the commands and starts of those, and judged together with them.
 
+    All is linear in unknowns, starts and the size of the second effect, whose ratios and shapes stay: where it contains
+    the first, what it could do beside is not asked.
+
     Args:
         places: (effect, site) of both. traces: of both, as the training runs show them.
+
+    Raises:
+        Unfit: in one of the experiments an effect makes the simulation diverge.
     """
     motion = _experiments(stage, rng)
     tried = replace(stage, motion=motion, start=motion.start)

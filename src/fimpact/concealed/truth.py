@@ -12,7 +12,6 @@ from fimpact.concealed.strangers import plant
 from fimpact.concealed.world import Played, World, new_world, play
 from fimpact.recordings import Run
 
-UNNAMED = ("null", "outside")  # kinds of cases of which no experiment can leave the name
 SLIP = np.array([0.005, 0.02])  # how far an arm starts from where it should, rad and rad/s
 
 

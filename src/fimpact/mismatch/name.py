@@ -6,6 +6,7 @@ included; add the best, ask again, drop what became superfluous.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import isfinite
 
 from fimpact.effects.base import Effect
 from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, worthwhile
@@ -127,11 +128,17 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
         lead = rivals[0]
         if lead.dispersion > WILD:
             wider = widened(search.bench, lead, search.candidates, search.progress)
-            rivals = search.ranked([*rivals, *wider])
+            rivals = search.compared(_best_of_each([*rivals, *wider]))
         rivals = _left_out(search, rivals)
         if lead.dispersion <= WILD or rivals[0].name == lead.name or len(rivals[0].placed) < 2:
             break
     return rivals
+
+
+def _best_of_each(rivals: Sequence[Explanation]) -> list[Explanation]:
+    """Of explanations of one name, fitted from different beginnings, the one that fits best."""
+    ranked = sorted((r for r in rivals if isfinite(r.deviance)), key=lambda r: -r.fitted.point.cost)
+    return list({rival.name: rival for rival in ranked}.values())
 
 
 def _left_out(search: Search, rivals: list[Explanation]) -> list[Explanation]:

@@ -26,8 +26,9 @@ def widened(
     """`current` with each general law among the `candidates` in the place of its special case, refitted from the most
     promising of its probes, as strong as that."""
     for i, special in enumerate(current.placed):
+        taken = {placed.name for placed in current.placed}
         general = [c.placed for c in candidates if special.effect.name in c.placed.effect.contains]
-        probes = [placed for placed in general if placed.site == special.site]
+        probes = [placed for placed in general if placed.site == special.site and placed.name not in taken]
         for name in dict.fromkeys(placed.name for placed in probes):
             progress(f"refitting with {name} in the place of {special.name}")
             begun = [_instead(current, i, placed) for placed in probes if placed.name == name]
@@ -41,9 +42,12 @@ def widened(
 def _instead(current: Explanation, i: int, general: Placed) -> tuple[Placed, ...]:
     """The effects of `current`, that of index `i` replaced."""
     share = _size(current.placed[i]) / _size(general)
-    strengths = {c.name for c in general.effect.coefficients if not c.shape}
-    values = {name: float(value * (share if name in strengths else 1.0)) for name, value in general.values.items()}
-    return (*current.placed[:i], replace(general, values=values), *current.placed[i + 1 :])
+    strengths = {
+        c.name: float(np.clip(general.values[c.name] * share, c.low, c.high))
+        for c in general.effect.coefficients
+        if not c.shape
+    }
+    return (*current.placed[:i], replace(general, values=general.values | strengths), *current.placed[i + 1 :])
 
 
 def _size(placed: Placed) -> float:
