@@ -28,8 +28,8 @@ TRIED, VAIN = 8, 0.02  # generations after which a search ends whose best is wor
 @dataclass(frozen=True)
 class Experiment:
     """Commands to play: ctrl (T, nu) every period s, from qpos (nq,) and qvel (nv,); pairs: predicted non-centrality
-    between each two members, in the order of `itertools.combinations` (`separations`); random: the median of the least of
-    them over random experiments of the same limits."""
+    between each two members, in the order of `itertools.combinations` (`separations`); random: the median of the least
+    of them over random experiments of the same limits."""
 
     ctrl: np.ndarray
     qpos: np.ndarray
