@@ -126,13 +126,18 @@ def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
     """
     for _ in range(PASSES):
         lead = rivals[0]
-        if lead.dispersion > WILD:
+        if _far(lead):
             wider = widened(search.bench, lead, search.candidates, search.progress)
             rivals = search.compared(_best_of_each([*rivals, *wider]))
         rivals = _left_out(search, rivals)
-        if lead.dispersion <= WILD or rivals[0].name == lead.name or len(rivals[0].placed) < 2:
+        if not _far(lead) or rivals[0].name == lead.name or len(rivals[0].placed) < 2:
             break
     return rivals
+
+
+def _far(explanation: Explanation) -> bool:
+    """Whether it is far from the noise, by its plain squares or among disturbances."""
+    return lost(explanation.fitted.point) or explanation.dispersion > WILD
 
 
 def _best_of_each(rivals: Sequence[Explanation]) -> list[Explanation]:
