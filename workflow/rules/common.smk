@@ -53,8 +53,7 @@ LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for
 NAMING = [
     f"mismatch/{name}"
     for name in (
-        "accept calibrate callback curves diagnose locate merge mjcf model name nameless naming pairs pooled step tame "
-        "weigh widen"
+        "accept calibrate callback curves diagnose locate merge mjcf model name nameless naming pairs pooled step tame weigh"
     ).split()
 ]
 OTHERS = ["knobs", "peers", "mismatch/blackbox", "mismatch/locate"]

@@ -6,7 +6,6 @@ included; add the best, ask again, drop what became superfluous.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import isfinite
 
 from fimpact.effects.base import Effect
 from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, worthwhile
@@ -25,10 +24,8 @@ from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.step import ALARM, Search, Step, step, together
 from fimpact.mismatch.tame import WILD, tamed
 from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
-from fimpact.mismatch.widen import widened
 
 SUSPECT = 0.05  # family-wise p up to which a name is asked for where something without one is there for certain
-PASSES = 3  # of that, at most, over the effects of an explanation that is far from the noise
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
 
 
@@ -119,34 +116,7 @@ def _serving(search: Search, naive: Explanation, best: Explanation, last: Step, 
 
 
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
-    """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way.
-
-    Where nothing is near the noise, a special case gives way to a more general law before that, and all is done again
-    as long as another explanation comes to lead.
-    """
-    for _ in range(PASSES):
-        lead = rivals[0]
-        if _far(lead):
-            wider = widened(search.bench, lead, search.candidates, search.progress)
-            rivals = search.compared(_best_of_each([*rivals, *wider]))
-        rivals = _left_out(search, rivals)
-        if not _far(lead) or rivals[0].name == lead.name or len(rivals[0].placed) < 2:
-            break
-    return rivals
-
-
-def _far(explanation: Explanation) -> bool:
-    """Whether it is far from the noise, by its plain squares or among disturbances."""
-    return lost(explanation.fitted.point) or explanation.dispersion > WILD
-
-
-def _best_of_each(rivals: Sequence[Explanation]) -> list[Explanation]:
-    """Of explanations of one name, fitted from different beginnings, the one that fits best."""
-    ranked = sorted((r for r in rivals if isfinite(r.deviance)), key=lambda r: -r.fitted.point.cost)
-    return list({rival.name: rival for rival in ranked}.values())
-
-
-def _left_out(search: Search, rivals: list[Explanation]) -> list[Explanation]:
+    """Each effect in turn left out and asked for anew: what is superfluous goes, a surrogate gives way."""
     bench = search.bench
     for leaving in rivals[0].placed:
         rest = tuple(p for p in rivals[0].placed if p.name != leaving.name)
