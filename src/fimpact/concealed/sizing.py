@@ -83,7 +83,7 @@ def _unplanted(rig: Rig, motion: Motion, errors, start) -> Tangents:
     return tangents(rig, errors, cut(rig, motion, states, runs), pushed=True)
 
 
-def traced(stage: Stage, name: str, site: str, values: Values) -> tuple[Windows, np.ndarray]:
+def planted_windows(stage: Stage, name: str, site: str, values: Values) -> tuple[Windows, np.ndarray]:
     """Windows of the planted robot and what the effect changes in them, (W, n ny, 1)."""
     rig, runs = stage.rig, np.flatnonzero(~stage.motion.held_out)
     world = new_world(rig, stage.errors, fine=False)
@@ -99,7 +99,7 @@ def traced(stage: Stage, name: str, site: str, values: Values) -> tuple[Windows,
 
 def trace(stage: Stage, name: str, site: str, size: float, values: Values) -> Trace:
     """The effect at one size, with tangents about its own motion."""
-    windows, change = traced(stage, name, site, values)
+    windows, change = planted_windows(stage, name, site, values)
     tangent = tangents(stage.rig, stage.errors, windows, pushed=False)
     return Trace(size, values, _imitated(stage, windows, change, tangent), tangent)
 
@@ -154,7 +154,7 @@ def glance(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign:
     """As `fit_size`, but with the tangents of the unplanted robot: quick, and good enough to see what is hopeless."""
     size = _search(stage, name, site, kind, shape, sign, target, stage.tangent, kind.begin)
     values = kind.values(sign * size, **shape)
-    windows, change = traced(stage, name, site, values)
+    windows, change = planted_windows(stage, name, site, values)
     return Trace(size, values, _imitated(stage, windows, change, stage.tangent), stage.tangent)
 
 
@@ -162,7 +162,7 @@ def _search(stage, name, site, kind, shape, sign, target, tangent, size):
     """Secant steps on log lambda against log size, with fixed tangents."""
     slope, last = 2.0, None
     for _ in range(SEARCHES):
-        windows, change = traced(stage, name, site, kind.values(sign * size, **shape))
+        windows, change = planted_windows(stage, name, site, kind.values(sign * size, **shape))
         change = _imitated(stage, windows, change, tangent)
         miss = np.log(max(see(stage.rig, tangent, stage.noise, change).size[0], 1e-9) / target)
         if abs(miss) < CLOSE:

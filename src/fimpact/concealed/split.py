@@ -6,7 +6,7 @@ import numpy as np
 
 from fimpact.concealed.detect import Tangents, coloured, left_over, tangents
 from fimpact.concealed.motions import Motion
-from fimpact.concealed.sizing import Stage, Trace, traced
+from fimpact.concealed.sizing import Stage, Trace, planted_windows
 
 TRIED = 24  # random experiments
 KNOTS = 8  # per motor, between which commands are linear; every other experiment has a square wave on top
@@ -29,15 +29,16 @@ def best_split(stage: Stage, places: list[tuple[str, str]], traces: list[Trace],
     """
     motion = _experiments(stage, rng)
     tried = replace(stage, motion=motion, start=motion.start)
-    shown = [traced(tried, *at, own.values) for at, own in zip(places, traces, strict=True)]
+    shown = [planted_windows(tried, *at, own.values) for at, own in zip(places, traces, strict=True)]
     windows, tangent = shown[0][0], tangents(stage.rig, stage.errors, shown[0][0], pushed=True)
     noise = stage.disturbance * coloured(stage.rig, tangent.push, stage.correlation)
-    changes = [np.concatenate([part[1] for part in shown], 2), np.concatenate([own.change for own in traces], 2)]
+    recorded = stage.noise, np.concatenate([own.change for own in traces], 2)
+    further = noise, np.concatenate([change for _, change in shown], 2)
     found = []
     for run in range(TRIED):
         at = windows.row == run
         both = _joined(traces[0].tangent, tangent, at)
-        told = (np.concatenate([old, new[at]]) for old, new in ((stage.noise, noise), changes[::-1]))
+        told = (np.concatenate([old, new[at]]) for old, new in zip(recorded, further, strict=True))
         found.append(float(np.minimum(left_over(stage.rig, both, *told), MOST).sum()))
     return max(found)
 

@@ -1,6 +1,7 @@
 """Pairs of effects that some motions cannot tell apart although others can.
 
-Delay and lag are no twins in the free arm: there no command within its limits tells them apart.
+Delay and lag are no twins in the free arm: at the sizes that are drawn no command within
+its limits tells them apart.
 """
 
 from dataclasses import dataclass
