@@ -1,5 +1,6 @@
 """From a case to its page: the same each time, and a model that needs nothing of ours."""
 
+import json
 import os
 import subprocess
 import sys
@@ -85,3 +86,36 @@ def test_the_improved_model_of_a_rig_needs_plain_mujoco_only(tmp_path):
     assert tmp_path / "improved.xml" in written.files
     assert check_model(diagnosis, tmp_path) < 0.02
     subprocess.run([sys.executable, "-c", PLAIN], cwd=tmp_path, check=True)
+
+
+def test_effects_that_are_insisted_on_are_fitted_and_no_others(case, tmp_path, capsys):
+    code = main(["fit", str(case), "coulomb@pivot", "viscous@pivot", "-o", str(tmp_path / "fit.json")])
+    said = capsys.readouterr().out.splitlines()
+    found = json.loads((tmp_path / "fit.json").read_text())
+    mass, friction, damping = found["parameters"]
+    assert code == 0 and [row["of"] for row in found["parameters"]] == ["mass@rod", "coulomb@pivot", "viscous@pivot"]
+    # The robot is damped less than its model, which no further damping mends, and less dry friction partly does.
+    assert mass["low"] < 0.3 < mass["high"] and 0.005 < friction["after"] < 0.02 and damping["after"] == 0
+    assert found["evidence"]["improvement"] > 0.5
+    assert [line.partition(" ")[0] for line in said] == ["mass", "coulomb", "viscous", "held-out"]
+
+
+@pytest.mark.parametrize(
+    ("names", "complaint"),
+    [
+        (["coulomb"], "write EFFECT@SITE"),
+        (["warp@pivot"], "effect 'warp' not found"),
+        (["coulomb@elbow"], "site of coulomb 'elbow' does not exist; allowed: pivot"),
+        (["coulomb@pivot", "coulomb@pivot"], "said twice"),
+    ],
+)
+def test_what_cannot_be_insisted_on_is_said_in_a_line(case, capsys, names, complaint):
+    assert main(["fit", str(case), *names]) == 2
+    said = capsys.readouterr()
+    assert complaint in said.err and said.err.count("\n") == 1 and not said.out
+
+
+def test_what_no_training_run_shows_is_not_insisted_on(case, capsys, monkeypatch):
+    monkeypatch.setattr("fimpact.fit_recording.insisted", lambda made, naive, places: naive)
+    assert main(["fit", str(case), "coulomb@pivot"]) == 2
+    assert "coulomb@pivot changes nothing" in capsys.readouterr().err

@@ -1,4 +1,5 @@
-"""The command `fimpact`: check a case, write a first one, diagnose one, resolve its names, list what can be found.
+"""The command `fimpact`: check a case, write a first one, diagnose one, fit what you name, resolve what is left, list
+what can be found.
 
 argparse, because it ends with exit code 2 on bad usage as everything here does on bad input, and needs no dependency.
 """
@@ -7,7 +8,6 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from fimpact.cases.errors import CaseError
@@ -63,6 +63,13 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("--out", type=Path, metavar="DIR", help="default: results/recordings/CASE")
     diagnose.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
     diagnose.set_defaults(run=_diagnose)
+    fit = commands.add_parser("fit", help="fit the effects that you name, and no others")
+    fit.add_argument("case", type=Path, metavar="CASE.yaml")
+    fit.add_argument("names", nargs="+", metavar="EFFECT@SITE", help="such as coulomb@shoulder; `fimpact effects`")
+    fit.add_argument("--data", **data)
+    fit.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
+    fit.add_argument("-o", "--out", type=Path, metavar="FILE.json", help="write parameters and held-out errors there")
+    fit.set_defaults(run=_fit)
     further = commands.add_parser("resolve", help="say which name is left, once the experiment is recorded")
     further.add_argument("case", type=Path, metavar="CASE.yaml", help="with the new log under runs:")
     further.add_argument("--data", **data)
@@ -107,6 +114,18 @@ def _diagnose(options: argparse.Namespace) -> None:
     print(found.verdict)
 
 
+def _fit(options: argparse.Namespace) -> None:
+    from fimpact.fit_recording import as_json, fit_recording, in_lines
+    from fimpact.tables import write_text
+
+    if options.out and not options.out.resolve().parent.is_dir():
+        raise CaseError(f"{options.out.resolve().parent} is not a folder; make it, or choose another name with -o")
+    found = fit_recording(options.case, options.data, options.names, _tell, options.effects)
+    if options.out:
+        write_text(as_json(found), options.out)
+    print("\n".join(in_lines(found)))
+
+
 def _resolve(options: argparse.Namespace) -> None:
     from fimpact.effects.base import words
     from fimpact.resolve_recording import resolve_recording
@@ -121,7 +140,11 @@ def _resolve(options: argparse.Namespace) -> None:
 def _asked(options: argparse.Namespace) -> tuple:
     """Case, data, folder of the page, progress and effects, as the command line gives them."""
     out = options.out or Path("results") / "recordings" / options.case.stem
-    return options.case, options.data, out, partial(print, file=sys.stderr, flush=True), options.effects
+    return options.case, options.data, out, _tell, options.effects
+
+
+def _tell(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def _effects(options: argparse.Namespace) -> None:

@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 
 from fimpact.knobs import Knobs, freed, freed_knobs, own_knobs
-from fimpact.mismatch.coordinates import coordinates
-from fimpact.mismatch.explain import explain
+from fimpact.mismatch.explain import naive_fit
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, again, base_fit, bench, correct, settle
+from fimpact.mismatch.judge import Bench, again, bench, correct, settle
 from fimpact.mismatch.per_run import error_per_run, unit_of
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis
@@ -94,9 +93,7 @@ def _sysid_freed(recording: Recording):
 
 def _blackbox(recording: Recording):
     made = bench(recording)
-    simulator = made.training.simulator
-    naive = explain(*base_fit(made, coordinates(simulator), Hypothesis(simulator.theta)))
-    return _judged(made, judge_black_box(made, naive))
+    return _judged(made, judge_black_box(made, naive_fit(made)))
 
 
 def _judged(made: Bench, judged: Fit) -> tuple[str, dict[str, float]]:

@@ -78,7 +78,8 @@ STAGES = {
         *(f"mismatch/{name}" for name in "discriminate resolve separate".split()),
     ],
     "peers": [*SHARED, *LAWS, *OTHERS, "concealed/peers"],
-    "score": [*SHARED, *LAWS, *RIGS, *(f"concealed/{name}" for name in "oracle places score seal".split())],
+    "score": [*SHARED, *LAWS, *RIGS, "mismatch/insist"]
+    + [f"concealed/{name}" for name in "oracle places score seal".split()],
     "measures": ["__init__", "tables", "concealed/__init__", "concealed/lines", "concealed/measures"],
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()

@@ -2,19 +2,13 @@
 
 import numpy as np
 
-from fimpact.concealed.truth import Planted, Truth
+from fimpact.concealed.truth import Truth
 from fimpact.effects import EFFECTS
-from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.evidence import weigh_evidence
-from fimpact.mismatch.explain import Explanation, explain, refit, sharpened
-from fimpact.mismatch.judge import Bench, again, base_fit, bench, settle
-from fimpact.mismatch.pulses import pulses
-from fimpact.mismatch.scales import scales
-from fimpact.mismatch.score import proposals, screen
-from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.explain import naive_fit
+from fimpact.mismatch.insist import insisted
+from fimpact.mismatch.judge import bench
 from fimpact.recordings import Recording
-
-TRIES = 2  # probes of an effect from which its refit begins
 
 
 def oracle_error(recording: Recording, truth: Truth) -> float | None:
@@ -30,23 +24,6 @@ def oracle_error(recording: Recording, truth: Truth) -> float | None:
 
 def _oracle(recording: Recording, truth: Truth) -> float:
     made = bench(recording)
-    simulator = made.training.simulator
-    naive = explain(*base_fit(made, coordinates(simulator), Hypothesis(simulator.theta)))
-    current = naive
-    for effect in truth.effects:
-        current = _with(made, current, effect)
-    if current is not naive:
-        fitted = again(made, made.training, current.fitted)
-        judged = settle(made.held_out, fitted.point.hypothesis, current.judged.point)
-        current = explain(fitted, again(made, made.held_out, judged))
-        current = sharpened(made, pulses(made.training, naive.fitted), current)
-    return weigh_evidence(made, naive, current).after
-
-
-def _with(made: Bench, current: Explanation, effect: Planted) -> Explanation:
-    """`current` with the planted effect refitted from its best probes."""
-    problem = made.training
-    every = proposals([EFFECTS[effect.name]], problem, scales(problem, current.fitted.point))
-    tried = screen(problem, current.fitted, [p for p in every if p.site == effect.site])
-    ranked = sorted(tried, key=lambda c: -c.gain)[:TRIES]
-    return min((refit(made, current, c) for c in ranked), key=lambda e: e.deviance, default=current)
+    naive = naive_fit(made)
+    known = insisted(made, naive, [(EFFECTS[effect.name], effect.site) for effect in truth.effects])
+    return weigh_evidence(made, naive, known).after

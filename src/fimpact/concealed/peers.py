@@ -16,11 +16,10 @@ from fimpact.concealed.archive import load_recording
 from fimpact.concealed.rows import Report, each
 from fimpact.effects import EFFECTS
 from fimpact.knobs import own_knobs
-from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.evidence import weigh_evidence
-from fimpact.mismatch.explain import Explanation, explain, refit
+from fimpact.mismatch.explain import Explanation, explain, naive_fit, refit
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, again, base_fit, bench, settle
+from fimpact.mismatch.judge import Bench, again, bench, settle
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import Candidate, proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
@@ -50,8 +49,7 @@ def compare_part(
 def compare(recording: Recording, peers: Sequence[str], report: Report = lambda line: None) -> dict[str, Any]:
     """Held-out error and seconds of each of the `peers` on one recording."""
     made = bench(recording)
-    simulator = made.training.simulator
-    naive = explain(*base_fit(made, coordinates(simulator), Hypothesis(simulator.theta)))
+    naive = naive_fit(made)
     out = {}
     for name in peers:
         report(f"{name} of {len(made.training.windows.runs)} windows")

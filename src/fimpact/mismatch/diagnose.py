@@ -112,10 +112,10 @@ def in_words(naming: Naming, recording: Recording, placed) -> str:
     # What no recording shows stays where it began, which is not knowledge.
     size = sizes_of(placed)
     rows = [row for row in rows if row["high"] - row["low"] < BLIND * size[row["name"]]] or rows
-    return f"{words(placed.name)} ({', '.join(map(_value, rows))})"
+    return f"{words(placed.name)} ({', '.join(map(value_in_words, rows))})"
 
 
-def _value(row: dict[str, Any]) -> str:
+def value_in_words(row: dict[str, Any]) -> str:
     """``friction 0.0299 ± 0.0002 N m``; a ratio has no unit."""
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     return f"{row['name']} {row['after']:.3g} ± {_half((row['high'] - row['low']) / 2)}{unit}"

@@ -9,7 +9,7 @@ from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.fit import Fit, fit, relinearised
-from fimpact.mismatch.judge import Bench, again, correct, settle
+from fimpact.mismatch.judge import Bench, again, base_fit, correct, settle
 from fimpact.mismatch.price import price
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import Pulses
@@ -56,6 +56,12 @@ def explain(fitted: Fit, judged: Fit) -> Explanation:
     return replace(
         found, deviance=float(fitted.point.squares.sum() + judged.point.squares.sum() + bent + sum(price(found.parts)))
     )
+
+
+def naive_fit(bench: Bench) -> Explanation:
+    """The model as it is, from its own values."""
+    simulator = bench.training.simulator
+    return explain(*base_fit(bench, coordinates(simulator), Hypothesis(simulator.theta)))
 
 
 def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:

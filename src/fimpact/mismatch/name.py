@@ -9,21 +9,19 @@ from dataclasses import replace
 
 from fimpact.effects.base import Effect
 from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, worthwhile
-from fimpact.mismatch.colour import colour, coloured, disturbance, generalised
-from fimpact.mismatch.coordinates import coordinates
-from fimpact.mismatch.explain import Explanation, explain, sharpened, without
+from fimpact.mismatch.colour import colour, coloured, disturbance
+from fimpact.mismatch.explain import Explanation, naive_fit, sharpened, without
 from fimpact.mismatch.fit import lost
-from fimpact.mismatch.judge import Bench, base_fit
+from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.nameless import nameless
 from fimpact.mismatch.naming import LARGEST, Naming
 from fimpact.mismatch.pooled import pooled
 from fimpact.mismatch.pulses import Pulses, pulses
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
-from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.step import ALARM, Search, Step, step, together
 from fimpact.mismatch.tame import WILD, tamed
-from fimpact.mismatch.weigh import both, dispersion, explained, members, weigh
+from fimpact.mismatch.weigh import both, explained, members, weigh, widened
 
 SUSPECT = 0.05  # family-wise p up to which a name is asked for where something without one is there for certain
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
@@ -31,8 +29,7 @@ SWAPS = 2  # candidates that are refitted in the place of an effect that is ther
 
 def name(bench: Bench, effects: Sequence[Effect], progress: Callable[[str], None] = print) -> Naming:
     """Find what is missing from the naive model of the recording behind `bench`."""
-    simulator = bench.training.simulator
-    naive = explain(*base_fit(bench, coordinates(simulator), Hypothesis(simulator.theta)))
+    naive = naive_fit(bench)
     tried = proposals(effects, bench.training, scales(bench.training, naive.fitted.point))
     progress(f"screening {len(tried)} candidates")
     found = pulses(bench.training, naive.fitted), pulses(bench.held_out, naive.judged)
@@ -147,11 +144,10 @@ def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explana
     naive, seen = _alike(search, naive, best)
     pushing = disturbance(best.fitted, search.pulses)
     shades = [colour(found, pushing) for found in windows]
-    spread = dispersion(best, generalised(parts, shades).deviances)
+    spread, wide = widened(parts, shades)
     fitted, found = pooled(parts, *windows)
     stranger = nameless(bench, best, coloured(fitted, found, pushing), found, search.candidates)
     gained = max(explained(shades, both(bench, naive), parts), 0.0)
     left = stranger.gain / max(stranger.gain + gained, 1e-9)
-    wide = spread * generalised([best.fitted], shades[:1]).covariance
     total = spread * pushing.noise**2
     return Naming(naive, steps, best, members(best, others), left, stranger, total, wide, seen)

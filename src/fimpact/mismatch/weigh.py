@@ -32,7 +32,7 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     bent = np.array([o.bent for o in optima])
     squares = np.array([o.total for o in optima]) - bent
     least = int(np.argmin(squares + bent + _paid(rivals, optima, 1.0).sum(1)))
-    spread = dispersion(rivals[least], optima[least].deviances)
+    spread = dispersion(rivals[least].parts, optima[least].deviances)
     # Data that say less know less of shapes.
     paid = _paid(rivals, optima, spread)
     prices = paid.sum(1) + bent
@@ -80,7 +80,7 @@ def both(bench: Bench, explanation: Explanation) -> tuple[Fit, Fit]:
     return explanation.fitted, shown
 
 
-def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
+def dispersion(parts: Sequence[Fit], sums: list[np.ndarray]) -> float:
     """What differences of deviance, and variances, are scaled by: 1 for noise, more where a residual remembers itself.
 
     A window's sum of squares is taken as a scaled chi-square, its scale by moments: variance / (2 mean).
@@ -89,12 +89,19 @@ def dispersion(best: Explanation, sums: list[np.ndarray]) -> float:
         sums: squares of each training and each held-out window, (w,) each.
     """
     found = []
-    for part, own in zip(best.parts, sums, strict=True):
+    for part, own in zip(parts, sums, strict=True):
         samples = part.point.samples
         found.append(own.sum() / samples.sum())
         if len(own) >= FEW:
             found.append(np.var(own * samples.mean() / samples, ddof=1) / (2 * own.mean()))
     return float(max(1.0, *found))
+
+
+def widened(parts: Sequence[Fit], shades: Sequence[Colour]) -> tuple[float, np.ndarray]:
+    """What training and held-out windows, one explanation's, are dispersed by among disturbances, and the covariance of
+    its coordinates, (k, k), those counted."""
+    spread = dispersion(parts, generalised(parts, shades).deviances)
+    return spread, spread * generalised(parts[:1], shades[:1]).covariance
 
 
 def explained(shades: Sequence[Colour], naive: Sequence[Fit], current: Sequence[Fit]) -> float:
