@@ -64,7 +64,10 @@ def fit_recording(
     best = insisted(made, naive, places)
     silent = sorted(set(names) - {p.name for p in best.placed})
     if silent:
-        raise CaseError(f"{silent[0]} changes nothing that the training runs of {case} would show; leave it out")
+        raise CaseError(
+            f"{silent[0]} changes nothing that the training runs of {case} would show, or makes all of them diverge; "
+            "leave it out"
+        )
     return Insisted(recording, naive, best, _covariance(made, naive, best), weigh_evidence(made, naive, best))
 
 

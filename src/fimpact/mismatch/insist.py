@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from fimpact.effects.base import Effect
 from fimpact.mismatch.explain import Explanation, numerics, refit, sharpened
 from fimpact.mismatch.judge import Bench
@@ -14,7 +16,7 @@ TRIES = 2  # probes of an effect from which its refit begins
 
 def insisted(made: Bench, naive: Explanation, places: Sequence[tuple[Effect, str]]) -> Explanation:
     """`naive` with effects, (effect, site) each, added one after the other, and refitted together; what changes nothing
-    in the training windows is left out."""
+    in the training windows, or makes all of them diverge, is left out."""
     current = naive
     for effect, site in places:
         current = _with(made, current, effect, site)
@@ -29,4 +31,5 @@ def _with(made: Bench, current: Explanation, effect: Effect, site: str) -> Expla
     every = proposals([effect], problem, scales(problem, current.fitted.point))
     tried = screen(problem, current.fitted, [p for p in every if p.site == site])
     ranked = sorted(tried, key=lambda c: -c.gain)[:TRIES]
-    return min((refit(made, current, c) for c in ranked), key=lambda e: e.deviance, default=current)
+    fits = [found for found in (refit(made, current, c) for c in ranked) if np.isfinite(found.deviance)]
+    return min(fits, key=lambda e: e.deviance, default=current)
