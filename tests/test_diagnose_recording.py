@@ -118,4 +118,4 @@ def test_what_cannot_be_insisted_on_is_said_in_a_line(case, capsys, names, compl
 def test_what_no_training_run_shows_is_not_insisted_on(case, capsys, monkeypatch):
     monkeypatch.setattr("fimpact.fit_recording.insisted", lambda made, naive, places: naive)
     assert main(["fit", str(case), "coulomb@pivot"]) == 2
-    assert "coulomb@pivot changes nothing" in capsys.readouterr().err
+    assert "coulomb@pivot: the training runs" in capsys.readouterr().err

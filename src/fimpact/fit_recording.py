@@ -65,8 +65,8 @@ def fit_recording(
     silent = sorted(set(names) - {p.name for p in best.placed})
     if silent:
         raise CaseError(
-            f"{silent[0]} changes nothing that the training runs of {case} would show, or makes all of them diverge; "
-            "leave it out"
+            f"{silent[0]}: the training runs of {case} show nothing of it that the unknowns would not do as well, or "
+            "all of them diverge; leave it out"
         )
     return Insisted(recording, naive, best, _covariance(made, naive, best), weigh_evidence(made, naive, best))
 
