@@ -107,6 +107,8 @@ def test_effects_that_are_insisted_on_are_fitted_and_no_others(case, tmp_path, c
         (["warp@pivot"], "effect 'warp' not found"),
         (["coulomb@elbow"], "site of coulomb 'elbow' does not exist; allowed: pivot"),
         (["coulomb@pivot", "coulomb@pivot"], "said twice"),
+        (["coulomb@pivot", "-o", "nowhere/fit.json"], "nowhere is not a folder"),
+        (["coulomb@pivot", "-o", "."], ". is a folder; name a file"),
     ],
 )
 def test_what_cannot_be_insisted_on_is_said_in_a_line(case, capsys, names, complaint):

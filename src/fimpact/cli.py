@@ -97,13 +97,20 @@ def _init(options: argparse.Namespace) -> None:
 
     if options.out.exists():
         raise CaseError(f"{options.out} exists; nothing is overwritten; choose another name with -o, or remove it")
-    if not options.out.resolve().parent.is_dir():
-        raise CaseError(f"{options.out.resolve().parent} is not a folder; make it, or choose another name with -o")
+    _check_place(options.out)
     first = first_case(options.model, options.log, options.out)
     options.out.write_text(first.text(), encoding="utf-8")
     print(f"wrote {options.out}; open:")
     print("\n".join(f"  {line}" for line in first.open))
     print(f"then: fimpact check {options.out}")
+
+
+def _check_place(out: Path) -> None:
+    """Before the work: a file can be written there."""
+    if out.is_dir():
+        raise CaseError(f"{out} is a folder; name a file with -o")
+    if not out.resolve().parent.is_dir():
+        raise CaseError(f"{out.resolve().parent} is not a folder; make it, or choose another name with -o")
 
 
 def _diagnose(options: argparse.Namespace) -> None:
@@ -118,8 +125,8 @@ def _fit(options: argparse.Namespace) -> None:
     from fimpact.fit_recording import as_json, fit_recording, in_lines
     from fimpact.tables import write_text
 
-    if options.out and not options.out.resolve().parent.is_dir():
-        raise CaseError(f"{options.out.resolve().parent} is not a folder; make it, or choose another name with -o")
+    if options.out:
+        _check_place(options.out)
     found = fit_recording(options.case, options.data, options.names, _tell, options.effects)
     if options.out:
         write_text(as_json(found), options.out)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
 from fimpact.effects.sensing import CHANNEL
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
-from fimpact.mismatch.explain import sizes_of
+from fimpact.mismatch.explain import Explanation, sizes_of
 from fimpact.mismatch.judge import Bench, bench
 from fimpact.mismatch.locate import Location, locate
 from fimpact.mismatch.name import name
@@ -25,6 +25,14 @@ Z95 = 1.959964
 BLIND = 1e3  # times a coefficient's size: width of an interval from which the recordings do not show it
 REFUSED = "The likeliest name does not improve held-out runs"
 SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
+
+
+class Fitted(Protocol):
+    """What has parameters to tell: the naive fit, the best one, and the covariance of its coordinates, (k, k)."""
+
+    naive: Explanation
+    best: Explanation
+    covariance: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -106,7 +114,7 @@ def _like(naming: Naming) -> str:
     return f" It is most like {naming.stranger.like}." if naming.stranger.p <= SEEMING else ""
 
 
-def in_words(naming: Naming, recording: Recording, placed) -> str:
+def in_words(naming: Fitted, recording: Recording, placed) -> str:
     """An effect with values, 95 % intervals and units: ``coulomb at joint_2 (friction 0.0020 ± 0.0001 N m)``."""
     rows = [row for row in parameter_rows(naming, recording) if row["of"] == placed.name and row["before"] is None]
     # What no recording shows stays where it began, which is not knowledge.
@@ -125,7 +133,7 @@ def _half(width: float) -> str:
     return f"{width:.1g}" if width < 10 else f"{width:.0f}"
 
 
-def parameter_rows(naming: Naming, recording: Recording) -> list[dict[str, Any]]:
+def parameter_rows(naming: Fitted, recording: Recording) -> list[dict[str, Any]]:
     """One row per fitted number: name, of (the unknown or ``effect@site``), unit, before (the naive model's own
     value, None for an effect), naive (its fit without the effect), after, and its 95 % interval low, high, widened for
     the colour of the residual."""
