@@ -45,7 +45,7 @@ RIGS = [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
 CASE = (
-    "__init__ arrays case channels checks errors kinds load misreadings model physics quaternions readers ros runs "
+    "__init__ angles arrays case channels checks errors kinds load misreadings model physics quaternions readers ros runs "
     "sensors sources start timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]

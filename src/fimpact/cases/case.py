@@ -9,7 +9,7 @@ import numpy as np
 from fimpact.cases import quaternions
 from fimpact.cases import start as starts
 from fimpact.cases.channels import Channel, channels, commands
-from fimpact.cases.checks import check_recording, check_rows, check_sources
+from fimpact.cases.checks import check_recording, check_rows, check_sources, fewest
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
 from fimpact.cases.model import Naive, compiled, model_files, read_model
@@ -100,16 +100,18 @@ def _recording(
     noise = np.array([channel.noise for channel in seen for _ in channel.columns])
     filtered = [filtered_noise(sampled, column, one, period) for column, one in enumerate(noise)]
     start = starts.checked(naive.model, case.get("start", {}), "start")
+    window = float(case.get("window", 0.0))
+    least = fewest(window, period)
     return Recording(
         xml=naive.text(),
         folder=str(naive.path.resolve().parent),
         period=period,
         channels=names,
-        runs=tuple(run for one in sampled for run in _runs(one, naive.model, seen, drives, period, start)),
+        runs=tuple(run for one in sampled for run in _runs(one, naive.model, seen, drives, period, start, least)),
         unknowns=_unknowns(naive, case.get("unknowns", [])),
         noise=np.array(filtered),
         start_sd=starts.prior(naive.model, start),
-        window=float(case.get("window", 0.0)),
+        window=window,
         windows=case.get("windows", 0),
     )
 
@@ -120,9 +122,9 @@ def _option(timestep: float):
     return ElementTree.Element("option", {"timestep": f"{timestep!r}"})
 
 
-def _runs(sampled: Sampled, model: mujoco.MjModel, seen, drives, period: float, start: dict):
+def _runs(sampled: Sampled, model: mujoco.MjModel, seen, drives, period: float, start: dict, least: int):
     state = start | starts.checked(model, sampled.source.state, f"{sampled.source.where}.state")
-    for name, low, count, measured in pieces(sampled, period):
+    for name, low, count, measured in pieces(sampled, period, least):
         measured = quaternions.unit(measured, seen, sampled.source.where)
         ctrl = held_commands(sampled, drives, low, period, count)
         measured = starts.as_model(model, seen, measured, period, state)

@@ -38,6 +38,7 @@ class Channel:
 
     columns: one per component. factor, offset: SI value = (number + offset) factor. noise: sd in SI, NaN where
     unknown. time: its own time column or None. type: of the sensor. joint: whose position or speed it is, or "".
+    turns: whether it is the angle of a hinge.
     """
 
     sensor: str
@@ -48,6 +49,7 @@ class Channel:
     time: str | int | None
     type: int
     joint: str
+    turns: bool
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -86,16 +88,21 @@ def _channel(model: mujoco.MjModel, key: str, entry: dict, where: str) -> Channe
             f"give {'`column`' if sensor.dim[0] == 1 else '`columns`, a list of as many'}"
         )
     type_ = int(sensor.type[0])
-    unit, joint = _sensor_unit(model, sensor, type_)
+    unit, joint = sensor_unit(model, key)
     scale = entry.get("scale", 1.0) * factor(entry["unit"], unit, where, entry.get("gain"), entry.get("counts_per_rev"))
     if not scale:
         raise CaseError(f"{where}.scale is 0; allowed: any other number, such as -1 for a reversed axis; correct it")
     noise = abs(scale) * entry.get("noise", np.nan)
     offset = entry.get("offset", 0.0)
-    return Channel(key, tuple(columns), scale, offset, noise, entry.get("time"), type_, joint)
+    turns = type_ == kinds.JOINTPOS and unit == "rad"
+    return Channel(key, tuple(columns), scale, offset, noise, entry.get("time"), type_, joint, turns)
 
 
-def _sensor_unit(model: mujoco.MjModel, sensor, type_: int) -> tuple[str | None, str]:
+def sensor_unit(model: mujoco.MjModel, name: str) -> tuple[str | None, str]:
+    """Unit of what a sensor measures, None where the MJCF does not tell it, and the joint whose position or speed that
+    is, or ""."""
+    sensor = model.sensor(name)
+    type_ = int(sensor.type[0])
     if type_ in (kinds.JOINTPOS, kinds.JOINTVEL):
         joint = model.joint(sensor.objid[0])
         length = "m" if joint.type[0] == kinds.SLIDE else "rad"
@@ -147,15 +154,24 @@ def _command(model: mujoco.MjModel, name: str, entry: dict, where: str) -> Comma
     wanted = entry.get("ctrl_unit") or ctrl_unit(model, name)
     if wanted is None:
         raise CaseError(f"{where}.ctrl_unit is missing: the MJCF does not tell the unit of this actuator; add it")
-    meaning, geared = entry.get("meaning", "command"), float(model.actuator(name).gear[0]) not in (1.0, -1.0)
-    if meaning == "motor" and "ratio" not in entry and not geared:
+    meaning, gear = entry.get("meaning", "command"), float(model.actuator(name).gear[0])
+    if meaning == "motor" and "ratio" not in entry and abs(gear) == 1.0:
         raise CaseError(f"{where}.ratio is missing: the torque is of the motor, before its gear; add the gear ratio")
     if meaning != "motor" and "ratio" in entry:
         raise CaseError(f"{where}.ratio is for meaning: motor, but meaning is {meaning}; remove it or correct meaning")
-    scale = entry.get("scale", 1.0) * entry.get("ratio", 1.0) * factor(entry["unit"], wanted, where, entry.get("gain"))
+    if meaning == "link" and not gear:
+        raise CaseError(f"{where}: the MJCF gives this actuator no gear on its first axis; allowed: meaning: command")
+    scale = entry.get("scale", 1.0) * factor(entry["unit"], wanted, where, entry.get("gain"))
+    scale *= _before_gear(meaning, entry.get("ratio", abs(gear)), gear)
     if not scale:
         raise CaseError(f"{where}.scale is 0; allowed: any other number, such as -1 for a reversed axis; correct it")
     return Command(name, entry["column"], scale, entry.get("offset", 0.0), entry.get("time"), meaning == "command")
+
+
+def _before_gear(meaning: str, ratio: float, gear: float) -> float:
+    """By what a torque is multiplied to be what the MJCF multiplies by its gear: what acts on the joint is then the
+    torque measured there, or that of the motor times its ratio, whatever the gear."""
+    return {"command": 1.0, "motor": ratio / abs(gear or 1.0), "link": 1.0 / (gear or 1.0)}[meaning]
 
 
 def ctrl_unit(model: mujoco.MjModel, name: str) -> str | None:

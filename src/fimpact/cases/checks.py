@@ -92,7 +92,7 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
     for check in (_lengths, _same_runs):
         for complaint in check(recording):
             raise CaseError(complaint)
-    for check in (_still, _ranges, _speeds, _dynamics):
+    for check in (_still, _ranges, _cutoffs, _speeds, _dynamics):
         for doubt, complaint in check(recording, model, seen):
             if doubt not in accept:
                 raise CaseError(f"{complaint}; if it is meant, write `accept: [{doubt}]`")
@@ -103,8 +103,13 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
         )
 
 
+def fewest(window: float, period: float) -> int:
+    """Samples of the shortest run that can be used."""
+    return max(FEWEST, round(window / period) + 1)
+
+
 def _lengths(recording: Recording) -> Iterator[str]:
-    least = max(FEWEST, round(recording.window / recording.period) + 1)
+    least = fewest(recording.window, recording.period)
     for run in recording.runs:
         if len(run.measured) < least:
             yield (
@@ -153,6 +158,19 @@ def _ranges(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) ->
         values = np.concatenate([run.ctrl[:, actuator] for run in recording.runs])
         what = f"the command of '{model.actuator(actuator).name}'"
         yield from _outside(what, values, model.actuator_ctrlrange[actuator], THOUSAND, "the actuator's range")
+
+
+def _cutoffs(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    for channel in seen:
+        cutoff = model.sensor(channel.sensor).cutoff[0]
+        values = np.concatenate([_values(recording, name) for name in channel.names])
+        largest = np.nanmax(np.abs(values), initial=0.0)
+        if 0 < cutoff < largest:
+            yield (
+                "range",
+                f"'{channel.sensor}' reads up to {largest:.4g}, but its sensor in the MJCF is cut off at {cutoff:.4g}; "
+                "correct the unit, or the cutoff in the MJCF",
+            )
 
 
 def _outside(what: str, values: np.ndarray, limits, units: float, which: str) -> Iterator[tuple[str, str]]:

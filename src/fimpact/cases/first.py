@@ -1,6 +1,5 @@
 """A first case from an MJCF and a log: column names matched to joints, actuators and sensors by their words."""
 
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,12 +7,13 @@ import numpy as np
 import yaml
 
 from fimpact.cases import kinds
-from fimpact.cases.channels import ctrl_unit
+from fimpact.cases.channels import ctrl_unit, sensor_unit
 from fimpact.cases.errors import CaseError
 from fimpact.cases.model import Naive, read_model
+from fimpact.cases.names import OPEN, best, named, unit, words
 from fimpact.cases.readers import Column, read_table
+from fimpact.cases.units import same_dimension
 
-OPEN = "?"  # where only the user knows the unit
 WORDS = {
     "position": {"pos", "position", "angle", "q", "qpos", "theta", "phi", "encoder", "height"},
     "velocity": {"vel", "velocity", "speed", "rate", "qd", "dq", "qvel", "omega", "thetadot"},
@@ -32,26 +32,8 @@ WORDS = {
         "input",
     },
 }
+WISHES = {"des", "desired", "ref", "reference", "target", "goal", "setpoint", "sp", "error", "err"}  # not measured
 TIMES = {"t", "time", "times", "stamp", "timestamp", "sec", "seconds"}
-UNITS = (
-    "deg/s",
-    "rad/s",
-    "mm/s",
-    "m/s",
-    "rpm",
-    "mN m",
-    "N m",
-    "Nm",
-    "deg",
-    "rad",
-    "rev",
-    "counts",
-    "mm",
-    "ms",
-    "us",
-    "ns",
-)
-UNITS += ("m", "s", "N", "V", "A")
 DRIVES = {"mN m", "N m", "Nm", "N", "V", "A"}  # units of commands, and of no position or speed
 
 
@@ -80,7 +62,7 @@ def first_case(model: Path, log: Path, out: Path) -> First:
     first.case["time"] = _time(time, first)
     _match(naive, [column for column in table if column is not time], first)
     if not first.case.get("measurements"):
-        names = ", ".join(column.name for column in table) or "none with numbers"
+        names = ", ".join(column.name for column in table) or f"none with numbers{_texts(log)}"
         raise CaseError(f"no column of {log} names a joint or sensor of {model}; its columns: {names}; rename them")
     first.case["runs"] = _runs(time, log, out, first)
     first.case["unknowns"], first.case["window"] = [], 0.5
@@ -90,18 +72,10 @@ def first_case(model: Path, log: Path, out: Path) -> First:
     return first
 
 
-def words(name: str) -> set[str]:
-    """Words of a column name in small letters; numbers count as words: ``pos_meas1 [deg]`` is pos, meas, 1, deg."""
-    return set(re.findall(r"[^\W\d_]+|\d+", re.sub(r"(?<=[a-zß-ÿ])(?=[A-Z])", " ", name).lower()))
-
-
-def unit(name: str) -> str:
-    """The unit that a column name ends with, as in ``elbow [deg]``, ``elbow (deg)`` or ``elbow_deg``; else `OPEN`."""
-    bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
-    ending = bracket.group(1) if bracket else name.rpartition("_")[2] if "_" in name else ""
-    plain = {one.replace(" ", "").lower(): one for one in reversed(UNITS)}
-    plain |= {"degs": "deg/s", "rads": "rad/s", "degrees": "deg", "radians": "rad"}
-    return ending if ending in UNITS else plain.get(re.sub(r"[\s*·.]", "", ending).lower(), OPEN)
+def _texts(log: Path) -> str:
+    """What stands in place of numbers, such as decimal commas."""
+    texts = [c for c in read_table(log) if c.values.dtype.kind != "f" and len(c.values)]
+    return f", but text such as '{texts[-1].values[0]}' in '{texts[-1].name}'; write decimal points" if texts else ""
 
 
 def _relative(path: Path, out: Path) -> str:
@@ -115,6 +89,8 @@ def _time(time: Column | None, first: First) -> dict:
     if time is None:
         first.open.append("time: no column looks like a time; give its column and unit, or `rate:` in Hz")
         return {"column": OPEN, "unit": OPEN}
+    if len(np.unique(time.values)) < len(time.values):
+        first.open.append(f"time: '{time.name}' repeats itself; the fraction of a second may be in another column")
     found = unit(time.name)
     if found not in ("s", "ms", "us", "ns"):
         first.open.append(f"time.unit: the unit of '{time.name}'")
@@ -123,87 +99,96 @@ def _time(time: Column | None, first: First) -> dict:
 
 
 def _runs(time: Column | None, log: Path, out: Path, first: First) -> list[dict]:
-    file = _relative(log, out)
-    span = float(np.nanmax(time.values) - np.nanmin(time.values)) if time is not None else 0.0
-    scale = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(first.case["time"]["unit"], 1.0)
-    cut = round(0.7 * span * scale, 3) or 1.0
+    file, cut = _relative(log, out), OPEN
     first.open.append("runs: the end of this log is held out; a recording of its own judges better, so replace it")
-    judge = {"name": "judge", "file": file, "start": round(cut + 1e-3, 3), "held_out": True}
+    scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(first.case["time"]["unit"])
+    if time is None or scale is None:
+        first.open.append("runs: stop of the one and start of the other, s after the first sample: about 70 % of it")
+    else:
+        cut = round(0.7 * float(np.nanmax(time.values) - np.nanmin(time.values)) * scale, 3) or 1.0
+    judge = {"name": "judge", "file": file, "start": cut if cut == OPEN else round(cut + 1e-3, 3), "held_out": True}
     return [{"name": "fit", "file": file, "stop": cut}, judge]
 
 
 def _match(naive: Naive, table: list[Column], first: First) -> None:
-    commands, measurements, left = {}, {}, []
-    for column in table:
+    commands, measurements, left = {}, {}, {}
+    # What was wished for has the name of what was measured; it is taken where nothing else is there.
+    for column in sorted(table, key=lambda column: bool(words(column.name) & WISHES)):
         kind = next((kind for kind, known in WORDS.items() if words(column.name) & known), "")
-        actuator = _named(column.name, naive.names("actuator"), first) if kind == "command" else ""
-        sensor = _best(column.name, _scalar_sensors(naive)) if kind != "command" else ""
-        joint = _named(column.name, _simple_joints(naive), first) if kind in ("position", "velocity", "") else ""
+        actuator = named(column.name, naive.names("actuator"), table) if kind == "command" else ""
+        sensor = best(column.name, _scalar_sensors(naive, kind)) if kind != "command" else ""
+        joint = named(column.name, _simple_joints(naive), table) if kind in ("position", "velocity", "") else ""
         if not kind and not sensor and (not joint or unit(column.name) in DRIVES):
-            actuator = _best(column.name, naive.names("actuator"))
+            actuator = best(column.name, naive.names("actuator"))
+        key = f"{joint} {kind or 'position'}"
         if actuator and actuator not in commands:
             commands[actuator] = _command(naive, actuator, column.name, first)
+            _by_number(column.name, actuator, first)
         elif sensor and sensor not in measurements:
-            measurements[sensor] = _entry(column.name, f"measurements.{sensor}", first)
-        elif joint and f"{joint} {kind or 'position'}" not in measurements:
-            key = f"{joint} {kind or 'position'}"
-            new = {"joint": joint, "quantity": kind or "position"} | _entry(column.name, f"measurements.{key}", first)
-            measurements[key] = new
+            measurements[sensor] = _entry(
+                column.name, f"measurements.{sensor}", sensor_unit(naive.model, sensor)[0], first
+            )
+        elif joint and key not in measurements:
+            entry = _entry(column.name, f"measurements.{key}", _joint_unit(naive, joint, kind), first)
+            measurements[key] = {"joint": joint, "quantity": kind or "position"} | entry
+            _by_number(column.name, joint, first)
         else:
-            left.append(column.name)
-    first.open[:] = [line for line in first.open if not any(line.startswith(f"'{name}' was") for name in left)]
+            taken = commands.get(actuator) or measurements.get(sensor) or (measurements.get(key) if joint else None)
+            left[column.name] = f" (as '{taken['column']}')" if taken else ""
     _report(naive, commands, measurements, left, first)
 
 
-def _report(naive: Naive, commands: dict, measurements: dict, left: list[str], first: First) -> None:
+def _report(naive: Naive, commands: dict, measurements: dict, left: dict[str, str], first: First) -> None:
     if commands:
         first.case["commands"] = commands
     first.case["measurements"] = measurements
     if left:
-        first.open.append(f"columns that match nothing, left out: {', '.join(left)}")
+        listing = ", ".join(f"{name}{like}" for name, like in left.items())
+        first.open.append(f"columns left out, which match nothing or the same as another: {listing}")
     for name in naive.names("actuator"):
         if name not in commands:
             first.open.append(f"commands.{name}: no column matches this actuator")
     seen = {entry.get("joint") for entry in measurements.values()}
     for name in naive.names("joint"):
-        if name not in seen and not any(_best(key, [name]) for key in measurements):
+        if name not in seen and not any(best(key, [name]) for key in measurements):
             first.open.append(f"measurements: no column matches joint '{name}'")
 
 
-def _scalar_sensors(naive: Naive) -> list[str]:
-    return [name for name in naive.names("sensor") if naive.model.sensor(name).dim[0] == 1]
+def _scalar_sensors(naive: Naive, kind: str) -> list[str]:
+    """Sensors of one component, those of joints only if they measure a quantity of this `kind`, or it is not known."""
+    other = {"position": kinds.JOINTVEL, "velocity": kinds.JOINTPOS}.get(kind, -1)
+    sensors = [naive.model.sensor(name) for name in naive.names("sensor")]
+    return [sensor.name for sensor in sensors if sensor.dim[0] == 1 and sensor.type[0] != other]
 
 
 def _simple_joints(naive: Naive) -> list[str]:
     return [name for name in naive.names("joint") if naive.model.joint(name).type[0] in (kinds.SLIDE, kinds.HINGE)]
 
 
-def _best(column: str, names: list[str]) -> str:
-    """The name all whose words the column has, the one with most of them; of no words at all, none."""
-    fitting = [name for name in names if words(name) and words(name) <= words(column)]
-    return max(fitting, key=lambda name: (len(words(name)), -names.index(name)), default="")
+def _joint_unit(naive: Naive, joint: str, kind: str) -> str:
+    length = "m" if naive.model.joint(joint).type[0] == kinds.SLIDE else "rad"
+    return f"{length}/s" if kind == "velocity" else length
 
 
-def _named(column: str, names: list[str], first: First) -> str:
-    """The name that fits, or that of the number in the column's name: ``pos2`` is the second joint of the MJCF."""
-    numbers = [int(word) for word in words(column) if word.isdecimal()]
-    found = _best(column, names)
-    if found or len(numbers) != 1 or not 1 <= numbers[0] <= len(names):
-        return found
-    first.open.append(f"'{column}' was taken for '{names[numbers[0] - 1]}' by its number alone: check it")
-    return names[numbers[0] - 1]
+def _by_number(column: str, name: str, first: First) -> None:
+    if not best(column, [name]):
+        first.open.append(f"'{column}' was taken for '{name}' by its number alone: check it")
 
 
 def _command(naive: Naive, actuator: str, column: str, first: First) -> dict:
-    entry = _entry(column, f"commands.{actuator}", first) | {"meaning": "command"}
-    if ctrl_unit(naive.model, actuator) is None:
+    wanted = ctrl_unit(naive.model, actuator)
+    entry = _entry(column, f"commands.{actuator}", None, first) | {"meaning": "command"}
+    if wanted is None:
         first.open.append(f"commands.{actuator}.ctrl_unit: the unit in which the MJCF has it")
         entry["ctrl_unit"] = OPEN
     return entry
 
 
-def _entry(column: str, where: str, first: First) -> dict:
+def _entry(column: str, where: str, wanted: str | None, first: First) -> dict:
+    """The column with its unit; open where its name has none, or one that what is `wanted` cannot have."""
     found = unit(column)
+    if found != "counts" and wanted and found != OPEN and not same_dimension(found, wanted):
+        found = OPEN
     if found == OPEN:
         first.open.append(f"{where}.unit: the unit of '{column}'")
     return {"column": column, "unit": found}

@@ -24,4 +24,4 @@ RANGEFINDER, SUBTREECOM, SUBTREELINVEL, CLOCK = _numbers(
 FORCE, TORQUE, TOUCH = _numbers(mujoco.mjtSensor, "mjSENS_FORCE mjSENS_TORQUE mjSENS_TOUCH")
 AT_JOINT = _numbers(mujoco.mjtTrn, "mjTRN_JOINT mjTRN_JOINTINPARENT")
 (NO_BIAS,) = _numbers(mujoco.mjtBias, "mjBIAS_NONE")
-(XBODY,) = _numbers(mujoco.mjtObj, "mjOBJ_XBODY")
+BODY, XBODY = _numbers(mujoco.mjtObj, "mjOBJ_BODY mjOBJ_XBODY")

@@ -89,6 +89,8 @@ def _extended(case: dict, path: Path, seen: tuple[Path, ...]) -> dict:
     if not isinstance(case.get("extends"), str):
         return case
     base = _read(path.parent / case["extends"], (*seen, path.resolve()))
+    if "runs" in base and "runs" not in case:  # its files are where its own folder is
+        base = {"data": str((path.parent / case["extends"]).parent)} | base
     return _merged(base, {key: value for key, value in case.items() if key != "extends"})
 
 

@@ -73,7 +73,7 @@ def model_files(path: Path) -> list[Path]:
 
 
 def _assets(tree: ElementTree.Element) -> list[Path]:
-    folders = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
+    folders = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir", "model": ""}
     given = {key: value for compiler in tree.iter("compiler") for key, value in compiler.attrib.items()}
     found = [
         Path(given.get(folder, ".")) / asset.get("file", "")
@@ -117,11 +117,7 @@ def _include(tree: ElementTree.Element, main: Path, seen: tuple[Path, ...], foun
 
 
 def _included(file: str, main: Path, seen: tuple[Path, ...], found: list[Path] | None) -> ElementTree.Element:
-    path, folder = (main.parent / file).resolve(), main.resolve().parent
-    if not path.is_relative_to(folder):
-        raise CaseError(
-            f"MJCF {main} includes '{file}', which leaves its folder {folder}; allowed: files inside it; copy it there"
-        )
+    path = _inside(file, main.resolve().parent)
     if path in seen:
         raise CaseError(f"MJCF {main} includes '{file}' again from within itself; remove one of the includes")
     tree = _parsed(path, main) if path.is_file() else _parsed(main.parent / file, main)
@@ -131,8 +127,19 @@ def _included(file: str, main: Path, seen: tuple[Path, ...], found: list[Path] |
     return tree
 
 
+def _inside(file: str, folder: Path) -> Path:
+    path = (folder / file).resolve()
+    if not path.is_relative_to(folder):
+        raise CaseError(
+            f"an MJCF in {folder} includes '{file}', which leaves its folder; allowed: files inside it; copy it there"
+        )
+    return path
+
+
 def _absolute_assets(tree: ElementTree.Element, folder: Path) -> None:
     # A recording is compiled from a string, which has no folder to look for meshes in.
+    for attached in tree.iterfind("asset/model"):
+        attached.set("file", str(_inside(attached.get("file", ""), folder)))
     if not any(asset.get("file") for asset in tree.iter() if asset.tag != "include"):
         return
     given = {key: value for compiler in tree.iter("compiler") for key, value in compiler.attrib.items()}

@@ -9,6 +9,8 @@ from fimpact.cases.errors import CaseError
 from fimpact.cases.kinds import BALLQUAT, FRAMEQUAT
 from fimpact.cases.timebase import Series
 
+OFF = 0.02  # that a quaternion may be longer or shorter than 1, by rounding
+
 
 def quaternions(channels: list[Channel]) -> Iterator[tuple[Channel, slice]]:
     """Channels that are orientations, and their four columns among those of all."""
@@ -20,13 +22,43 @@ def quaternions(channels: list[Channel]) -> Iterator[tuple[Channel, slice]]:
             yield channel, place
 
 
+def whole(seen: list[Series | None], channels: list[Channel], nan: str, where: str) -> list[Series | None]:
+    """The series of all columns, (ny), without the rows in which an orientation is none, as 0 0 0 0 is.
+
+    Raises:
+        CaseError: there are such rows, and `nan` does not say that what is missing is in the file.
+    """
+    out = list(seen)
+    for channel, place in quaternions(channels):
+        own = seen[place]
+        if not _same_times(own):
+            continue
+        length = np.linalg.norm(np.column_stack([one.value for one in own]), axis=1)
+        off = np.abs(length - 1) > OFF
+        if off.mean() > 0.5 or not off.any():
+            continue
+        if nan == "error":
+            row = int(np.flatnonzero(off)[0])
+            raise CaseError(
+                f"{where}, '{channel.sensor}': the quaternion at {own[0].time[row]:.9g} s has length "
+                f"{length[row]:.4g} ({off.sum()} such rows); allowed: 1; remove the rows, or, if they stand for "
+                "samples that were not taken, write `nan: missing`"
+            )
+        out[place] = [Series(one.time[~off], one.value[~off]) for one in own]
+    return out
+
+
+def _same_times(own: list[Series | None]) -> bool:
+    return all(own) and all(np.array_equal(own[0].time, one.time) for one in own)
+
+
 def one_sign(seen: list[Series | None], channels: list[Channel]) -> list[Series | None]:
     """The series of all columns, (ny), with orientations free of jumps of sign: between two samples such a jump would
     pass for half a turn."""
     out = list(seen)
     for _, place in quaternions(channels):
         own = seen[place]
-        if all(own) and all(np.array_equal(own[0].time, one.time) for one in own):
+        if _same_times(own):
             sign = _continuing(np.column_stack([one.value for one in own]))
             out[place] = [Series(one.time, sign * one.value) for one in own]
     return out
@@ -46,8 +78,10 @@ def unit(measured: np.ndarray, channels: list[Channel], where: str) -> np.ndarra
 
 def _unit(quats: np.ndarray, where: str) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(quats).all(axis=1))
+    if not len(known):
+        return quats
     length = np.linalg.norm(quats[known], axis=1)
-    if np.any(np.abs(np.median(length) - 1) > 0.02):
+    if abs(np.median(length) - 1) > OFF:
         raise CaseError(f"{where}: quaternions have length {np.median(length):.4g}, not 1; list the columns w, x, y, z")
     units = quats[known] / np.maximum(length, 1e-9)[:, None]
     out = quats.copy()

@@ -28,10 +28,14 @@ class Column:
     origin: tuple[str, ...] = ()
     rows: np.ndarray | None = None
 
+    @property
+    def numbers(self) -> np.ndarray:
+        """Row of each value in the file's column, (n,), from 0."""
+        return np.arange(len(self.values)) if self.rows is None else self.rows
+
     def take(self, rows: np.ndarray) -> "Column":
         """The same column at some rows."""
-        kept = (np.arange(len(self.values)) if self.rows is None else self.rows)[rows]
-        return replace(self, values=self.values[rows], absent=self.absent[rows], rows=kept)
+        return replace(self, values=self.values[rows], absent=self.absent[rows], rows=self.numbers[rows])
 
 
 Table = list[Column]

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fimpact.cases.angles import unwrapped
 from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
-from fimpact.cases.quaternions import one_sign
+from fimpact.cases.quaternions import one_sign, whole
 from fimpact.cases.readers import Column
 from fimpact.cases.sources import Source, find, is_number
-from fimpact.cases.timebase import GAP, Series, checked_time, held, noise_factor, on_grid, stretches
+from fimpact.cases.timebase import GAP, HELD, Series, checked_time, held, noise_factor, on_grid, stretches
 
 FEWEST = 8  # samples of a run
 
@@ -44,7 +45,7 @@ def sample(
     seen = [read.series(column, c.time, c.factor, c.offset, c.sensor) for c in channels for column in c.columns]
     if not any(seen):
         raise CaseError(f"{source.where} holds no measured value at all; correct the columns or remove the run")
-    seen = one_sign(seen, channels)
+    seen = unwrapped(one_sign(whole(seen, channels, nan, source.where), channels), channels)
     known = [*ctrl, *filter(None, seen)]
     origin = min(one.time[0] for one in known)
     low, high = origin + source.start, origin + source.stop
@@ -84,19 +85,22 @@ class _Reader:
             )
         if present.sum() < FEWEST:
             raise CaseError(f"{here} has {present.sum()} samples; allowed: {FEWEST} or more; remove the run")
-        series = Series(checked_time(time[present], here), (column.values[present] + offset) * scale)
+        checked = checked_time(time[present], here, column.numbers[present])
+        series = Series(checked, (column.values[present] + offset) * scale)
         return _not_mostly_gaps(series, here)
 
     def _present(self, column: Column, here: str) -> np.ndarray:
         if column.values.dtype.kind not in "f":
-            text = next((value for value in column.values.tolist() if not is_number(value)), column.values[0])
+            there = column.values[~column.absent].tolist()
+            text = next((value for value in there if not is_number(value)), column.values[0])
             raise CaseError(
                 f"{here} holds the text '{text}'; allowed: numbers with a decimal point, or an empty cell; correct it"
             )
         bad = np.flatnonzero(~np.isfinite(column.values) & ~column.absent)
         if bad.size and (self.nan == "error" or np.isinf(column.values[bad]).any()):
+            row = column.numbers[bad[0]]
             raise CaseError(
-                f"{here} is {column.values[bad[0]]} in row {bad[0]} ({bad.size} such rows); allowed: finite numbers; "
+                f"{here} is {column.values[bad[0]]} in row {row} ({bad.size} such rows); allowed: finite numbers; "
                 "remove the rows, or, if NaN (never inf) stands for a sample that was not taken, write `nan: missing`"
             )
         return np.isfinite(column.values)
@@ -124,8 +128,13 @@ def _not_mostly_gaps(series: Series, here: str) -> Series:
     return series
 
 
-def pieces(run: Sampled, period: float) -> Iterator[tuple[str, float, int, np.ndarray]]:
-    """Name, start in s, length T and measurements (T, ny) of the parts of a run in which every command is known."""
+def pieces(run: Sampled, period: float, least: int) -> Iterator[tuple[str, float, int, np.ndarray]]:
+    """Name, start in s, length T and measurements (T, ny) of the parts of a run in which every command is known; parts
+    of fewer than `least` samples are left out.
+
+    Raises:
+        CaseError: measurements of another time than the commands, or no part that is long enough.
+    """
     bounds = run.commands or [one for one in run.measured if one]
     start = (max if run.commands else min)(one.time[0] for one in bounds)
     stop = (min if run.commands else max)(one.time[-1] for one in bounds)
@@ -135,14 +144,28 @@ def pieces(run: Sampled, period: float) -> Iterator[tuple[str, float, int, np.nd
                 f"{run.source.where}: every command is known from {start:.9g} to {stop:.9g} s only, but a measurement "
                 f"goes from {one.time[0]:.9g} to {one.time[-1]:.9g} s; all times must be of one clock; correct `time`"
             )
-    parts = stretches(run.commands, start, stop)
-    for index, (low, high) in enumerate(parts):
-        count = int((high - low) / period + 1e-6) + 1
-        if len(parts) > 1 and count < FEWEST:
+    parts = [(_at_sample(run, low, period), high) for low, high in stretches(run.commands, start, stop)]
+    counts = [max(0, int((high - low) / period + 1e-6) + 1) for low, high in parts]
+    if len(parts) > 1 and max(counts) < least:
+        raise CaseError(
+            f"{run.source.where}: its commands have {len(parts) - 1} gaps of more than {HELD:g} periods, and the "
+            f"longest part between them has {max(counts)} samples of {period:.6g} s; allowed: {least} or more; "
+            "make the window shorter, complete the commands, or remove the run"
+        )
+    for index, ((low, _), count) in enumerate(zip(parts, counts, strict=True)):
+        if len(parts) > 1 and count < least:
             continue
         columns = [on_grid(one, low, period, count) if one else np.full(count, np.nan) for one in run.measured]
         name = run.source.name + (f" part {index + 1}" if len(parts) > 1 else "")
         yield name, low, count, np.column_stack(columns)
+
+
+def _at_sample(run: Sampled, low: float, period: float) -> float:
+    """The first sample of the quickest channel from `low` on, if there is one soon: commands are averaged over any
+    period, but what is measured between samples has to be interpolated."""
+    quickest = min(filter(None, run.measured), key=lambda one: one.period)
+    later = quickest.time[quickest.time >= low - 1e-6 * period]
+    return float(later[0]) if len(later) and later[0] < low + quickest.period else low
 
 
 def held_commands(run: Sampled, commands: list[Command], low: float, period: float, count: int) -> np.ndarray:

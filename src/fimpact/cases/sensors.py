@@ -58,6 +58,8 @@ def _add(naive: Naive, block: ElementTree.Element, key: str, entry: dict, where:
     joint, type_ = joint_of(naive, entry.get("joint", key), where)
     if type_ == kinds.FREE:
         body = naive.model.body(naive.model.joint(joint).bodyid[0]).name
+        if not body:
+            raise CaseError(f"{where}: the body of '{joint}' has no name in {naive.path.name}; give it a `name` there")
         return _add_frame(naive, block, key, "body", body, entry.get("quantity"), where)
     if type_ == kinds.BALL:
         raise CaseError(f"{where}: '{joint}' is a ball joint; allowed: hinge, slide, free; measure its body instead")

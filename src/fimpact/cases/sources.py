@@ -86,7 +86,7 @@ def _parts(entry: dict, table: Table, where: str) -> Iterator[tuple[str, Table]]
         yield "", table
         return
     by = find(table, entry["split"], where)
-    for value in dict.fromkeys(by.values.tolist()):
+    for value in _present(by):
         label = f"{value:.15g}" if isinstance(value, float) else str(value)
         yield label, _rows(table, entry["split"], [value], where)
 
@@ -104,16 +104,22 @@ def _arrays(pattern: str, table: Table, where: str) -> Iterator[tuple[str, Table
 
 def _rows(table: Table, key: str, wanted: list, where: str) -> Table:
     by = find(table, key, where)
-    rows = np.isin(by.values.astype(str), [str(value) for value in wanted])
+    rows = np.isin(by.values.astype(str), [str(value) for value in wanted]) & ~by.absent
     if by.values.dtype.kind == "f":
         rows = np.isin(by.values, [float(value) for value in wanted if is_number(value)])
     if not rows.any():
-        values = list(dict.fromkeys(by.values.tolist()))
-        raise CaseError(f"{where}: no row has {key} = {wanted[0]!r}; {listed(values, wanted[0])}; correct `select`")
+        listing = listed(_present(by), wanted[0])
+        raise CaseError(f"{where}: no row has {key} = {wanted[0]!r}; {listing}; correct `select`")
     return [
         column.take(rows) if column.group == by.group and len(column.values) == len(rows) else column
         for column in table
     ]
+
+
+def _present(column: Column) -> list:
+    """Each value that a column has, once."""
+    known = column.values[~column.absent].tolist()
+    return [value for value in dict.fromkeys(known) if value == value]
 
 
 def is_number(value: object) -> bool:

@@ -103,9 +103,17 @@ def position_columns(model: mujoco.MjModel, channels: list[Channel]) -> dict[str
 def _frame(model: mujoco.MjModel, at: dict, kind: int, body: int) -> list[int]:
     for name, columns in at.items():
         sensor = model.sensor(name)
-        if (sensor.type[0], sensor.objtype[0], sensor.objid[0]) == (kind, kinds.XBODY, body):
+        if (sensor.type[0], sensor.objid[0]) == (kind, body) and sensor.objtype[0] in _frames(model, kind, body):
             return columns
     return []
+
+
+def _frames(model: mujoco.MjModel, kind: int, body: int) -> tuple[int, ...]:
+    """Kinds of object of which a sensor reads the pose that qpos holds: those of a body's centre of mass where that is
+    its origin."""
+    centred = not model.body_ipos[body].any()
+    straight = kind == kinds.FRAMEPOS or abs(model.body_iquat[body, 0]) == 1.0
+    return (kinds.XBODY, kinds.BODY) if centred and straight else (kinds.XBODY,)
 
 
 def _first(values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:

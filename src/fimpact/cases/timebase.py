@@ -7,7 +7,7 @@ So gaps and slower sensors need no rule of their own, and nothing is invented in
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import firwin
 
 from fimpact.cases.errors import CaseError
@@ -26,26 +26,35 @@ class Series:
 
     @property
     def period(self) -> float:
-        """Median time between samples, s."""
-        return float(np.median(np.diff(self.time)))
+        """Time between samples that come evenly but for jitter, rounding and some that are missing, s."""
+        steps = np.diff(self.time)
+        usual = np.median(steps)
+        steps = steps[steps <= GAP * usual]
+        return float(steps.sum() / np.round(steps / usual).sum())
 
 
-def checked_time(time: np.ndarray, where: str) -> np.ndarray:
-    """`time`, if it is finite and increases.
+def checked_time(time: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
+    """`time` (n,), if it is finite and increases.
+
+    Args:
+        rows: of each of them in the file, (n,).
 
     Raises:
         CaseError: a time that is missing, repeated or goes back; the line gives its row.
     """
     if not np.isfinite(time).all():
-        row = int(np.flatnonzero(~np.isfinite(time))[0])
+        row = rows[np.flatnonzero(~np.isfinite(time))[0]]
         raise CaseError(f"{where}: time is missing in row {row}; every sample needs a time; remove the row")
     late = np.flatnonzero(np.diff(time) <= 0)
     if late.size:
-        row = int(late[0])
-        kind = "repeated" if time[row] == time[row + 1] else "backward"
+        at = int(late[0])
+        kind = "repeated" if time[at] == time[at + 1] else "backward"
+        whole = kind == "repeated" and np.array_equal(time, np.round(time))
         raise CaseError(
-            f"{where}: time is {kind}: {time[row]:.9g} s is followed by {time[row + 1]:.9g} s in row {row + 1} "
-            f"({late.size} such rows); it must increase; remove these rows, or `split` the file into runs"
+            f"{where}: time is {kind}: {time[at]:.15g} s is followed by {time[at + 1]:.15g} s in row {rows[at + 1]} "
+            f"({late.size} such rows); it must increase; "
+            + ("add the fraction of a second, which may be in another column, or " if whole else "")
+            + "remove these rows, or `split` the file into runs"
         )
     return time
 
@@ -79,7 +88,9 @@ def _sampled(series: Series, grid: np.ndarray, period: float, reach: float) -> n
     distance = np.minimum(np.abs(grid - series.time[after - 1]), np.abs(series.time[after] - grid))
     # Within rounding of the ends, the ends: extrapolation would amplify their noise.
     inside = np.clip(grid, series.time[0], series.time[-1])
-    value = PchipInterpolator(series.time, series.value)(inside)
+    # Cubics through the samples, with slopes of parabolas through each three: linear in the noise and blind to what is
+    # further away, such as an impact. A shape-preserving spline would cut off every turning point.
+    value = CubicHermiteSpline(series.time, series.value, np.gradient(series.value, series.time))(inside)
     return np.where(distance <= reach * period, value, np.nan)
 
 

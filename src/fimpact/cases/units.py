@@ -75,14 +75,14 @@ def factor(text: str, wanted: str | None, where: str, gain: str | None = None, p
     try:
         out = value.to_base_units() if wanted is None else value.to(_quantity(wanted, where).units)
     except Exception:
-        raise CaseError(_mismatch(text, wanted, where, value)) from None
+        raise CaseError(_mismatch(text, wanted, where, value, gain)) from None
     if not (isfinite(out.magnitude) and out.magnitude):
         raise CaseError(f"{where}: unit and gain multiply to {out.magnitude}; allowed: finite and not 0; correct them")
     return float(out.magnitude)
 
 
-def _mismatch(text: str, wanted: str, where: str, value) -> str:
-    got = f"{text!r}" + ("" if str(value.units) == text else f" (with its gain {value.units:~})")
+def _mismatch(text: str, wanted: str, where: str, value, gain: str | None) -> str:
+    got = f"{text!r}" + (f" (with its gain {value.units:~})" if gain else "")
     helps = "counts_per_rev" if "count" in str(value.units) else "gain"
     return (
         f"{where}.unit is {got}, but the MJCF has this in {wanted!r}; allowed: any unit of the same dimension; "
