@@ -137,7 +137,9 @@ def test_a_further_effect_explains_more_than_a_trace_or_is_beyond_doubt_or_relie
 @pytest.mark.parametrize(("p", "beside"), [(0.005, True), (0.5, False)])
 def test_what_was_called_for_and_refused_may_be_missing(p, beside):
     best = SimpleNamespace(placed=(1,))
-    naming = Naming(None, [SimpleNamespace(least=p, rivals=[])], best, [], 0.0, Stranger(0.9, 0.0, ""), 1.0, None, None)
+    naming = Naming(
+        None, [SimpleNamespace(least=p, rivals=[])], best, [], 0.0, Stranger(0.9, 0.0, ""), 1.0, 1.0, None, None
+    )
     assert naming.beside is beside
 
 
@@ -175,7 +177,7 @@ def naming(*weights, nameless=1.0, left=0.0, effects=1, windows=20, p=1.0, rival
         SimpleNamespace(least=p, rivals=[SimpleNamespace(name=f"rival {w}", placed=placed, weight=w) for w in rivals])
     ]
     pulses = SimpleNamespace(time=range(windows))
-    return Naming(None, steps, best, members, left, Stranger(nameless, 0.0, ""), 1.0, np.zeros((0, 0)), pulses)
+    return Naming(None, steps, best, members, left, Stranger(nameless, 0.0, ""), 1.0, 1.0, np.zeros((0, 0)), pulses)
 
 
 def test_stated_confidence_is_what_such_weights_have_been_worth():

@@ -394,10 +394,21 @@ def test_only_what_comes_near_the_likeliest_gets_numerics_of_its_own(monkeypatch
     assert [r.name for r in search.compared([rival("a", 0.0), rival("b", 90.0)])] == ["a", "b"] and asked == ["a"]
 
 
-@pytest.mark.parametrize(("windows", "dispersion", "said"), [(3, 50, "none"), (3, 200, "unnamed"), (8, 50, "unnamed")])
-def test_a_large_misfit_is_not_passed_over_however_few_the_windows(nothing, windows, dispersion, said):
+@pytest.mark.parametrize(
+    ("windows", "dispersion", "misfit", "said"),
+    [(3, 50, 1, "none"), (3, 1, 200, "unnamed"), (8, 50, 1, "unnamed"), (8, 1, 200, "unnamed")],
+)
+def test_a_large_misfit_is_not_passed_over_however_few_the_windows(nothing, windows, dispersion, misfit, said):
     pulses = replace(nothing.naming.pulses, time=np.zeros((windows, 8)))
-    assert replace(nothing.naming, pulses=pulses, dispersion=dispersion).answer == said
+    assert nothing.naming.misfit == pytest.approx(1.0, rel=0.1)
+    assert replace(nothing.naming, pulses=pulses, dispersion=dispersion, misfit=misfit).answer == said
+
+
+def test_where_nothing_can_be_named_the_error_that_is_left_is_told(nothing):
+    off = replace(nothing.evidence, before=4.4 * nothing.evidence.noise_floor)
+    parts = nothing.naming, nothing.recording, nothing.location
+    assert verdict(*parts, nothing.evidence) == "Nothing is missing that these recordings can show."
+    assert "4.4 times the noise off" in verdict(*parts, off)
 
 
 def test_what_changes_nothing_costs_nothing(nothing):

@@ -32,7 +32,7 @@ def diagnosed(*placed: Placed) -> Diagnosis:
     steps = [Step([], np.zeros(0), [naming.best] if placed else [])]
     members = [naming.best] if placed else []
     named = Naming(
-        naming.naive, steps, naming.best, members, 0.01, Stranger(0.5, 1.0, ""), 1.0, naming.covariance, kept
+        naming.naive, steps, naming.best, members, 0.01, Stranger(0.5, 1.0, ""), 1.0, 1.0, naming.covariance, kept
     )
     location = locate(problem, naming.naive.fitted, kept)
     verdict = "Missing: dry friction." if placed else "Nothing is missing that these recordings can show."

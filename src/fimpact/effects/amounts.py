@@ -35,12 +35,12 @@ def middle(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
 
 def drive(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
     """Root mean square force of an actuator, before its gear, N or N m."""
-    return _actuation(scales.command, model, actuator)
+    return _actuation(scales.drive, model, actuator)
 
 
 def summit(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
     """Largest force of an actuator, before its gear, N or N m."""
-    return _actuation(scales.peak, model, actuator)
+    return _actuation(scales.summit, model, actuator)
 
 
 def push(scales: Scales, model: mujoco.MjModel) -> float:
@@ -81,9 +81,9 @@ def reference(model, body: str) -> tuple[np.ndarray, np.ndarray]:
     return row.xipos, row.xmat.reshape(3, 3)
 
 
-def _actuation(commands: np.ndarray, model, actuator: str) -> float:
+def _actuation(forces: np.ndarray, model, actuator: str) -> float:
     row = model.actuator(actuator)
-    return float(max(commands[row.id], FLOOR) * max(abs(row.gainprm[0]), FLOOR))
+    return float(max(forces[row.id], FLOOR * max(abs(row.gainprm[0]), FLOOR)))
 
 
 def _dof(model, joint: str) -> int:

@@ -42,9 +42,9 @@ class Scales:
     """Typical magnitudes in the recording at hand, from which probing amplitudes follow.
 
     force, speed, travel, middle: root mean square generalised force, speed, standard deviation and mean of position of
-    each degree of freedom, (nv,) each. command, peak: root mean square and largest size of each actuator's command,
-    (nu,) each. measured: standard deviation of each channel, (ny,). mass: total moving mass, kg. length: size of the
-    mechanism, m. gravity: m/s^2, 9.81 where the model has none. period: sampling period, s. duration: of the
+    each degree of freedom, (nv,) each. drive, summit: root mean square and largest force of each actuator, before its
+    gear, (nu,) each. measured: standard deviation of each channel, (ny,). mass: total moving mass, kg. length: size of
+    the mechanism, m. gravity: m/s^2, 9.81 where the model has none. period: sampling period, s. duration: of the
     longest run, s.
     """
 
@@ -52,8 +52,8 @@ class Scales:
     speed: np.ndarray
     travel: np.ndarray
     middle: np.ndarray
-    command: np.ndarray
-    peak: np.ndarray
+    drive: np.ndarray
+    summit: np.ndarray
     measured: np.ndarray
     mass: float
     length: float
@@ -120,7 +120,8 @@ class Signal:
     time: (n, T), s since the start of the run. ctrl: (n, T, nu), as recorded. channels: names of the measured
     columns, (ny,). actuators: names of the command columns, (nu,). force: (n, T, nu), generalised force or
     force of each actuator. joint_of: the channel measures the position of this joint, or "" if it does not.
-    driven_by: the actuator that drives that joint, or -1.
+    driven_by: the actuator that drives that joint, or -1. since: (n, 1), s, where what is asked for begins if `time`
+    reaches back further.
     """
 
     time: np.ndarray
@@ -130,6 +131,12 @@ class Signal:
     force: np.ndarray
     joint_of: tuple[str, ...]
     driven_by: tuple[int, ...]
+    since: np.ndarray | None = None
+
+    @property
+    def begin(self) -> np.ndarray:
+        """Time at which what is asked for begins, (n, 1), s."""
+        return self.time[:, :1] if self.since is None else self.since
 
     def column(self, site: str) -> list[int]:
         """Columns that `site` names: one channel or actuator, or every one of them for "all"."""
@@ -152,6 +159,7 @@ class Effect:
     linear: the law is proportional to its amplitude parameters (all that are not `shape`), so a probe can be scaled.
     contains: names of effects that are special cases of this one.
     touching: it acts only while something touches: a property of the contact, or of the ground.
+    when: of (signal, site, **values) -> times, (n, T), at which a sensor reads what it reports; None: at the signal's.
     """
 
     name: str
@@ -170,6 +178,7 @@ class Effect:
     linear: bool = True
     contains: tuple[str, ...] = ()
     touching: bool = False
+    when: Callable[..., np.ndarray] | None = None
 
 
 @dataclass(frozen=True)

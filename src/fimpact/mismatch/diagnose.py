@@ -23,6 +23,7 @@ from fimpact.units import channel_unit
 SCHEMA = 2
 Z95 = 1.959964
 BLIND = 1e3  # times a coefficient's size: width of an interval from which the recordings do not show it
+LOUD = 2.0  # times the noise: held-out error that is told where nothing is found missing
 REFUSED = "The likeliest name does not improve held-out runs"
 SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
 
@@ -77,7 +78,7 @@ def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line
 def verdict(naming: Naming, recording: Recording, location: Location, evidence: Evidence) -> str:
     """What was found, in one or two sentences."""
     if naming.answer == "none":
-        return "Nothing is missing that these recordings can show."
+        return "Nothing is missing that these recordings can show" + _loud(evidence)
     found = "; ".join(in_words(naming, recording, p) for p in naming.best.placed)
     share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
     if naming.answer == "unnamed":
@@ -91,6 +92,13 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     if not evidence.low > 0:
         return f"Something is missing. {REFUSED}: {found}.{unsure}"
     return f"Missing: {found}. {share}{unsure}{_more(naming)}"
+
+
+def _loud(evidence: Evidence) -> str:
+    """How far off a model is of which nothing can be said to be missing."""
+    off = evidence.before / max(evidence.noise_floor, 1e-9)
+    told = f", but the model is {off:.2g} times the noise off on held-out runs: disturbed, or too few to tell."
+    return "." if off < LOUD else told
 
 
 def _more(naming: Naming) -> str:

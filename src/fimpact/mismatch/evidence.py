@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.fit import Fit
@@ -20,9 +22,9 @@ WHITE = 0.1  # autocorrelation up to which intervals are stated as they are
 
 @dataclass(frozen=True)
 class Evidence:
-    """Held-out error before and after, the noise floor, the improvement (1 - after / before) with a 95 % interval
-    over resampled runs, the share of the explainable mismatch explained, residual autocorrelation before and after,
-    and errors by run and by channel (in the channel's unit)."""
+    """Held-out error before and after, the noise floor, the improvement (1 - after / before) with a 95 % interval over
+    resampled runs and windows, widened where they are few, the share of the explainable mismatch explained, residual
+    autocorrelation before and after, and errors by run and by channel (in the channel's unit)."""
 
     before: float
     after: float
@@ -48,7 +50,8 @@ def weigh_evidence(bench: Bench, naive: Explanation, best: Explanation) -> Evide
     samples = np.isfinite(problem.windows.measured).sum((1, 2))
     floor = np.sqrt(max(freedom(problem), 0.0) / samples.sum())
     before, after = naive.judged.point.squares, best.judged.point.squares
-    low, high = _interval(problem.windows.runs, before, after)
+    apart = float(((naive.judged.point.residual - best.judged.point.residual) ** 2).sum())
+    low, high = _interval(problem.windows.runs, samples, before, after, apart)
     whole = before.sum() - freedom(problem)
     return Evidence(
         before=_rms(before, samples),
@@ -73,15 +76,28 @@ def _rms(squares: np.ndarray, samples: np.ndarray) -> float:
     return float(np.sqrt(squares.sum() / max(samples.sum(), 1)))
 
 
-def _interval(runs, before, after) -> tuple[float, float]:
-    """95 % interval of the improvement: windows resampled within resampled runs."""
+def _interval(runs, samples, before, after, apart: float) -> tuple[float, float]:
+    """95 % interval of the improvement: windows resampled within resampled runs, and no narrower than `_of_few`."""
     rng, found = np.random.default_rng(0), []
     groups = [np.flatnonzero(runs == i) for i in np.unique(runs)]
     for _ in range(RESAMPLES):
         chosen = [groups[i] for i in rng.integers(len(groups), size=len(groups))]
         rows = np.concatenate([rng.choice(group, len(group)) for group in chosen])
         found.append(1 - np.sqrt(after[rows].sum() / before[rows].sum()))
-    return tuple(float(x) for x in np.percentile(found, [2.5, 97.5]))
+    low, high = np.percentile(found, [2.5, 97.5])
+    least, most = _of_few(samples, before, after, apart)
+    return float(min(low, least)), float(max(high, most))
+
+
+def _of_few(samples, before, after, apart: float) -> tuple[float, float]:
+    """The same by Student's t of windows, which says how little a few of them know; of a single one by the noise that
+    it has, as loud as what is left: squares `apart` of the two models times noise is what chance makes of them."""
+    n, ratio = len(before), after.sum() / before.sum()
+    if n > 1:
+        half = student.ppf(0.975, n - 1) * np.std(after - ratio * before, ddof=1) * np.sqrt(n) / before.sum()
+    else:
+        half = norm.ppf(0.975) * 2 * np.sqrt(apart * max(after[0] / samples[0], 1.0)) / before.sum()
+    return 1 - np.sqrt(ratio + half), 1 - np.sqrt(max(ratio - half, 0.0))
 
 
 def residuals(bench: Bench, judged: Fit) -> np.ndarray:

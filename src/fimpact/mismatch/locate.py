@@ -51,7 +51,10 @@ class Location:
 def locate(problem: Problem, fitted: Fit, pulses: Pulses) -> Location:
     """Where the residual of `fitted` sits."""
     columns, dofs = pulses.columns, pulses.dofs
-    total = float((fitted.linear.off(fitted.point.residual) ** 2).sum()), _freedom(problem, fitted)
+    left = fitted.linear.off(fitted.point.residual)
+    # What parameters alone would take is no place's: a fit that weighs disturbances leaves some of it to ordinary
+    # squares.
+    total = float((left**2).sum()) - _refitted(left, fitted.linear.projected, fitted), _freedom(problem, fitted)
     places = [
         _place(name, "joint", fitted, columns[:, :, i * BINS : (i + 1) * BINS], *total) for i, name in enumerate(dofs)
     ]

@@ -150,4 +150,5 @@ def _answer(search: Search, naive: Explanation, steps: list[Step], best: Explana
     gained = max(explained(shades, both(bench, naive), parts), 0.0)
     left = stranger.gain / max(stranger.gain + gained, 1e-9)
     total = spread * pushing.noise**2
-    return Naming(naive, steps, best, members(best, others), left, stranger, total, wide, seen)
+    misfit = sum(p.point.squares.sum() for p in parts) / sum(p.point.samples.sum() for p in parts)
+    return Naming(naive, steps, best, members(best, others), left, stranger, total, misfit, wide, seen)

@@ -13,7 +13,7 @@ from fimpact.mismatch.tame import WILD
 from fimpact.mismatch.weigh import members
 
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
-WILDER = 100.0  # WILD where windows are too few to know what a disturbance does
+FAR = 100.0  # squares of what is left, in those of the noise, that are not passed over whatever may have made them
 CERTAIN = 0.01  # family-wise p at which what has no name is there, whatever is named
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
 # Share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it; and the same
@@ -32,9 +32,10 @@ CROWD, CROWDED = 6, 0.5
 class Naming:
     """The naive explanation, the steps, and the answer: `best` and the rivals that cannot be told from it.
 
-    left: what the `stranger`, the strongest of what has no name, explains beside `best`, as a share of that and of what
-    `best` explains. dispersion: of the windows' squares under `best`, 1: noise among disturbances. covariance: of the
-    coordinates of `best`, disturbances counted. pulses: those in the training windows.
+    left: what the `stranger`, the strongest of what has no name, explains beside `best`, as a share of that and of
+    what `best` explains. dispersion: of the windows' squares under `best`, 1: noise among disturbances; misfit: their
+    mean, 1: noise. covariance: of the coordinates of `best`, disturbances counted. pulses: those in the training
+    windows.
     """
 
     naive: Explanation
@@ -44,6 +45,7 @@ class Naming:
     left: float
     stranger: Stranger
     dispersion: float
+    misfit: float
     covariance: np.ndarray
     pulses: Pulses
 
@@ -63,8 +65,8 @@ class Naming:
         """The best name, "none", or "unnamed" where the best leaves too much that is neither noise nor disturbance, or
         what calls for a name has none that keeps its word."""
         forced = self.certain and self.left > UNNAMED
-        limit = WILDER if self.few else WILD
-        called = self.dispersion > limit or (self.p <= ALARM and not self.few)
+        wild = not self.few and (self.dispersion > WILD or self.p <= ALARM)
+        called = wild or self.misfit > FAR
         return "unnamed" if forced or (called and not self.best.placed) else self.best.name
 
     @property

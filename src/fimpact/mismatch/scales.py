@@ -5,6 +5,8 @@ import numpy as np
 
 from fimpact.effects.base import Scales
 from fimpact.mismatch.problem import Point, Problem
+from fimpact.mismatch.simulate import Simulator
+from fimpact.mismatch.windows import Windows
 
 SAMPLES = 400  # states whose inverse dynamics is averaged
 EARTH = 9.81  # m/s^2
@@ -15,7 +17,7 @@ def scales(problem: Problem, point: Point) -> Scales:
     simulator, windows = problem.simulator, problem.windows
     qpos, qvel = simulator.motion(point.hypothesis, windows, point.qpos, point.qvel)
     model = simulator.model(point.hypothesis)
-    ctrl = windows.ctrl.reshape(windows.ctrl.shape[0] * windows.ctrl.shape[1], model.nu)
+    drive, summit = _drives(simulator, windows, model, qpos, qvel)
     travel = (qpos - qpos.mean((0, 1))).reshape(-1, model.nq)
     moving = model.body_mass[model.body_weldid > 0]
     gravity = float(np.linalg.norm(model.opt.gravity))
@@ -24,8 +26,8 @@ def scales(problem: Problem, point: Point) -> Scales:
         speed=_rms(qvel.reshape(-1, model.nv)),
         travel=_rms(travel)[_position_of_dof(model)],
         middle=qpos.mean((0, 1))[_position_of_dof(model)],
-        command=_rms(ctrl),
-        peak=np.abs(ctrl).max(0, initial=0.0),
+        drive=drive,
+        summit=summit,
         measured=np.array([_spread(column) for column in windows.measured.reshape(-1, windows.measured.shape[2]).T]),
         mass=float(moving.sum()),
         length=float(model.stat.extent),
@@ -58,12 +60,36 @@ def _position_of_dof(model: mujoco.MjModel) -> np.ndarray:
     return place
 
 
+def _drives(simulator: Simulator, windows: Windows, model: mujoco.MjModel, qpos, qvel) -> tuple[np.ndarray, np.ndarray]:
+    """Root mean square and largest force of each actuator, before its gear, (nu,) each: of a motor from its commands,
+    of a servo from where the model at the moment is as well."""
+    ctrl, gain = windows.ctrl.reshape(-1, model.nu), np.abs(model.actuator_gainprm[:, 0])
+    drive, summit = gain * _rms(ctrl), gain * np.abs(ctrl).max(0, initial=0.0)
+    servos = model.actuator_biastype != mujoco.mjtBias.mjBIAS_NONE
+    if servos.any():
+        told = simulator.commands.signal(windows, qpos.shape[1]).ctrl
+        given = np.array([_given(model, qpos[w, k], qvel[w, k], told[w, k + 1]) for w, k in _some(qpos)])
+        drive[servos], summit[servos] = _rms(given)[servos], np.abs(given).max(0)[servos]
+    return drive, summit
+
+
+def _given(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, ctrl: np.ndarray) -> np.ndarray:
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, ctrl
+    mujoco.mj_forward(model, data)
+    return data.actuator_force.copy()
+
+
+def _some(qpos: np.ndarray) -> list[tuple[int, int]]:
+    """Windows and steps of some states (w, n, nq) that have one after them."""
+    rows, each = qpos.shape[0] * (qpos.shape[1] - 1), qpos.shape[1] - 1
+    return [divmod(int(flat), each) for flat in np.linspace(0, rows - 1, min(SAMPLES, rows))]
+
+
 def _force(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
     """Root mean square force that accelerates and carries each degree of freedom, (nv,)."""
-    data, found = mujoco.MjData(model), []
-    rows, step = qpos.shape[0] * (qpos.shape[1] - 1), model.opt.timestep
-    for flat in np.linspace(0, rows - 1, min(SAMPLES, rows)).astype(int):
-        w, k = divmod(flat, qpos.shape[1] - 1)
+    data, found, step = mujoco.MjData(model), [], model.opt.timestep
+    for w, k in _some(qpos):
         data.qpos[:], data.qvel[:] = qpos[w, k], qvel[w, k]
         data.qacc[:] = (qvel[w, k + 1] - qvel[w, k]) / step
         mujoco.mj_inverse(model, data)

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.mismatch.colour import FEW, Colour, Generalised, colour, disturbance, generalised
+from fimpact.mismatch.colour import CLOCK, FEW, Colour, Generalised, colour, disturbance, generalised
 from fimpact.mismatch.explain import Explanation, explain
-from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.fit import Fit, inverse
 from fimpact.mismatch.judge import Bench, exposed
 from fimpact.mismatch.price import price
 from fimpact.mismatch.pulses import Pulses
@@ -99,9 +99,23 @@ def dispersion(parts: Sequence[Fit], sums: list[np.ndarray]) -> float:
 
 def widened(parts: Sequence[Fit], shades: Sequence[Colour]) -> tuple[float, np.ndarray]:
     """What training and held-out windows, one explanation's, are dispersed by among disturbances, and the covariance of
-    its coordinates, (k, k), those counted."""
-    spread = dispersion(parts, generalised(parts, shades).deviances)
-    return spread, spread * generalised(parts[:1], shades[:1]).covariance
+    its coordinates, (k, k), those counted: of the generalised estimate, or, where the explanation was left as ordinary
+    squares have it, of that."""
+    spread, optimum = dispersion(parts, generalised(parts, shades).deviances), generalised(parts[:1], shades[:1])
+    ordinary = np.any(np.abs(optimum.step) > np.sqrt(spread * np.diag(optimum.covariance)))
+    return spread, spread * (_ordinary(parts[0], shades[0]) if ordinary else optimum.covariance)
+
+
+def _ordinary(fitted: Fit, shade: Colour) -> np.ndarray:
+    """Covariance, (k, k), of what ordinary squares find among disturbances, which they let drag parameters as far as
+    those imitate them (sandwich; White, Econometrica 1980)."""
+    seen, prior = fitted.linear.projected, np.diag(fitted.coordinates.sd**-2.0)
+    along = shade.directions.transpose(0, 2, 1) @ seen
+    plain = np.einsum("wma,wmb->ab", seen, seen)
+    loud = np.einsum("wca,wc,wcb->ab", along, shade.louder**2 - 1, along)
+    late = CLOCK * np.einsum("wma,wmr->ar", seen, shade.clocks)
+    bread = inverse(plain + prior, fitted.scale)
+    return bread @ (shade.noise**2 * (plain + loud) + late @ late.T + prior) @ bread
 
 
 def explained(shades: Sequence[Colour], naive: Sequence[Fit], current: Sequence[Fit]) -> float:
