@@ -10,6 +10,7 @@ import pytest
 
 from fimpact.effects import EFFECTS, get_effect, sites
 from fimpact.effects.base import ENTERS, Coefficient, Effect, Scales, Signal, State
+from fimpact.effects.drives import motor_force
 from fimpact.effects.gears import Shaft, coupled, encoders
 from fimpact.effects.native import editable
 from fimpact.effects.sensing import interpolate
@@ -376,6 +377,34 @@ def test_load_dependent_and_directional_losses():
     np.testing.assert_allclose(limits("efficiency", 5.0, driving=0.2, driven=0.25), [[0.1, 0.125], [0.125, 0.1]])
 
 
+PENDULUM = """<mujoco>{option}<worldbody><body name="rod" gravcomp="1"><joint name="pivot" axis="0 1 0" {joint}/>
+<geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.015" mass="0.3"/></body></worldbody>
+<actuator><{motor} name="motor" joint="pivot"/></actuator></mujoco>"""
+DRIVEN = {
+    "motor": {"motor": 'motor gear="2" forcerange="-3 3"'},
+    "servo": {"motor": 'position kp="5" kv="0.2"'},
+    "limited joint": {"joint": 'actuatorfrcrange="-0.5 1"'},
+    "held against gravity": {"joint": 'actuatorgravcomp="true"'},
+    "held within a limit": {"joint": 'actuatorgravcomp="true" actuatorfrcrange="-0.5 2.1"'},
+    "commands are not clamped": {
+        "motor": 'motor ctrlrange="-1 1"',
+        "option": '<option><flag clampctrl="disable"/></option>',
+    },
+    "switched off": {"joint": 'actuatorgravcomp="true"', "option": '<option><flag actuation="disable"/></option>'},
+    "group switched off": {"motor": 'motor group="2"', "option": '<option actuatorgroupdisable="2"/>'},
+}
+
+
+@pytest.mark.parametrize("parts", DRIVEN.values(), ids=DRIVEN)
+def test_what_a_motor_delivers_is_what_mujoco_lets_it(parts):
+    model = mujoco.MjModel.from_xml_string(PENDULUM.format(**{"motor": "motor", "joint": "", "option": "", **parts}))
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = 0.3, 2.0, 2.0
+    mujoco.mj_forward(model, data)
+    state = State(model, *(np.tile(part, (3, 1)) for part in (data.qpos, data.qvel, data.ctrl)), np.zeros(3), PERIOD)
+    np.testing.assert_allclose(motor_force(state, "pivot"), data.qfrc_actuator[0], atol=1e-12)
+
+
 def test_delay_and_lag_hold_back_what_they_say():
     """A step of the command loses its height times the delay, whatever the time step."""
     rig, ctrl = RIGS["arm"], np.ones((1, 400, 2))
@@ -445,6 +474,7 @@ def test_sites_follow_the_model():
     assert sites.encoded(arm, ("q2", "imu[0]")) == ["elbow"]
     assert sites.turnable(arm, ARM_CHANNELS) == ["imu"] and sites.turnable(ball, BALL_CHANNELS) == []
     assert sites.sensors(arm, ARM_CHANNELS) == ["q1", "q2", "imu", "all"]
+    assert sites.carried(arm, "imu") and not sites.carried(arm, "q2") and not sites.carried(ball, "place")
     free = '<mujoco><option gravity="0 0 0"/><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>'
     bare = mujoco.MjModel.from_xml_string(free)
     found = {name for name, effect in EFFECTS.items() if effect.sites(bare, ())}
@@ -487,6 +517,23 @@ def test_one_pair_of_several_and_the_ground_of_all():
     np.testing.assert_allclose((model.pair_friction - before)[:, :2], [[0, 0], [0.1, 0.1]])
     EFFECTS["sliding_friction"].law(model, "ground", change=-10.0)
     np.testing.assert_allclose(model.pair_friction[:, :2], 1e-5)
+
+
+def slid(dimensions, coefficient):
+    """Speed along x, turning about y and z, (3,), of a ball that has slid and spun on a table for 0.1 s."""
+    model = RIGS["ball"].model()
+    model.geom_condim[:], model.geom_friction[:] = dimensions, [0.6, 0.02, 1e-4]
+    EFFECTS["rolling_friction"].law(model, "table", coefficient=coefficient)
+    data = mujoco.MjData(model)
+    data.qpos[2], data.qvel[:] = 0.1199, [0.5, 0, 0, 0, 0, 20.0]
+    mujoco.mj_step(model, data, nstep=50)
+    return data.qvel[[0, 4, 5]]
+
+
+@pytest.mark.parametrize("dimensions", [(1, 1), (3, 1), (3, 3), (4, 4), (4, 1), (6, 3)])
+def test_rolling_friction_brings_no_other_and_takes_none_away(dimensions):
+    """What is barely there barely changes a motion, however many dimensions the contacts of table and ball had."""
+    np.testing.assert_allclose(slid(dimensions, 1e-9), slid(dimensions, 0.0), atol=0.1)
 
 
 @pytest.mark.parametrize("direct", [False, True])

@@ -37,8 +37,8 @@ EFFECTS = (
     "structure transmission"
 )
 CORE = (
-    "__init__ acting bounded colour commands coordinates evidence explain fit judge leap player price problem pulses "
-    "scales score settle simulate starts steady tangent windows"
+    "__init__ acting bounded colour commands coordinates evidence explain fit judge leap past player price problem "
+    "pulses scales score settle simulate starts steady tangent windows"
 ).split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = [

@@ -10,7 +10,7 @@ from fimpact.effects.native import exporting
 
 SOFT = "Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014"
 LEAST = 1e-5  # MuJoCo's smallest coefficient of friction
-FULL = 6  # condim of a contact with rolling friction
+SLIDING, TWISTING, FULL = 3, 4, 6  # condim from which on a contact has that friction; FULL: rolling friction too
 BOX, BLUNT = int(mujoco.mjtGeom.mjGEOM_BOX), 0.9  # the largest radius of an edge, of half the box's shortest side
 ASIDE = 0.1  # of the largest offset from the centre of mass, below which a corner does not lie to that side
 
@@ -46,12 +46,17 @@ def contact_damping(model, site, change):
 
 
 def rolling_friction(model, site, coefficient):
-    """Needs contacts with all six dimensions, which are opened without torsional friction."""
+    """Needs contacts with all six dimensions; what other friction they did not have is opened as little as may be."""
     if coefficient == 0:
         return
     pairs, geoms = touching(model, site)
-    _open(model.pair_dim, model.pair_friction[:, 2], model.pair_friction[:, 3:], pairs, coefficient)
-    _open(model.geom_condim, model.geom_friction[:, 1], model.geom_friction[:, 2:], geoms, coefficient)
+    for pair in pairs:
+        friction = model.pair_friction[pair]
+        _open(model.pair_dim[pair], friction[:2], friction[2:3], friction[3:], coefficient)
+    for geom, dimension in zip(geoms, _dimensions(model, geoms), strict=True):
+        friction = model.geom_friction[geom]
+        _open(dimension, friction[:1], friction[1:2], friction[2:], coefficient)
+    model.pair_dim[pairs], model.geom_condim[geoms] = FULL, FULL
 
 
 def rounded_edge(model, site, radius):
@@ -85,11 +90,20 @@ def _stiffen(model, site, factors) -> None:
             array[row] *= factors(array[row, 0] <= 0)
 
 
-def _open(dimension, torsion, rolling, rows, coefficient) -> None:
-    for row in rows:
-        if dimension[row] < FULL:
-            dimension[row], torsion[row], rolling[row] = FULL, LEAST, 0.0
-        rolling[row] += coefficient
+def _open(dimension, sliding, torsion, rolling, coefficient) -> None:
+    for friction, opened, least in ((sliding, SLIDING, LEAST), (torsion, TWISTING, LEAST), (rolling, FULL, 0.0)):
+        if dimension < opened:
+            friction[:] = least
+    rolling += coefficient
+
+
+def _dimensions(model, geoms) -> np.ndarray:
+    """Of the contacts of a ground, the first of `geoms`, with each of the others: MuJoCo takes the larger of both, or
+    that of the higher priority. The ground itself counts with the largest."""
+    own, rank = model.geom_condim[geoms], model.geom_priority[geoms]
+    mixed = np.where(rank == rank[:1], np.maximum(own, own[:1]), np.where(rank > rank[:1], own, own[:1]))
+    mixed[:1] = mixed.max(initial=0)
+    return mixed
 
 
 def _round(model, site) -> list[int]:

@@ -24,16 +24,29 @@ class Drive:
     most: float
 
 
+@dataclass(frozen=True)
+class Motor:
+    """All that drives a joint: its actuators, whether they hold the gravity of bodies (actuatorgravcomp), and the
+    limits of what they give together (actuatorfrcrange)."""
+
+    actuators: list[Drive]
+    holds: bool
+    low: float
+    high: float
+
+
 def motor_force(state: State, site: str) -> np.ndarray:
     """Force, (n,), of the actuators on joint `site` as they leave the gear, N or N m."""
-    total = np.zeros(len(state.qpos))
-    _, position, speed = state.joint(site)
-    for drive in _drives(state, site):
+    total, motor = np.zeros(len(state.qpos)), _motor(state, site)
+    dof, position, speed = state.joint(site)
+    for drive in motor.actuators:
         command = np.clip(state.ctrl[:, drive.index], drive.least, drive.most)
         force = _at(drive.gain, drive, position, speed) * command
         force = force + _at(drive.bias, drive, position, speed)
         total += drive.gear * np.clip(force, drive.low, drive.high)
-    return total
+    if motor.holds:
+        total += _held(state)[:, dof]
+    return np.clip(total, motor.low, motor.high)
 
 
 def _at(factor: np.ndarray | float, drive: Drive, position: np.ndarray, speed: np.ndarray) -> np.ndarray | float:
@@ -42,18 +55,47 @@ def _at(factor: np.ndarray | float, drive: Drive, position: np.ndarray, speed: n
     return factor @ np.stack([np.ones_like(speed), drive.gear * position, drive.gear * speed])
 
 
-def _drives(state: State, site: str) -> list[Drive]:
+def _held(state: State) -> np.ndarray:
+    """Generalised forces, (n, nv), that hold bodies against gravity (gravcomp)."""
+    if "held" not in state.memory:  # making it takes longer than all that follows
+        state.memory["held"] = mujoco.MjData(state.model)
+    data, out = state.memory["held"], np.empty((len(state.qpos), state.model.nv))
+    for row, qpos in enumerate(state.qpos):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(state.model, data)
+        mujoco.mj_comPos(state.model, data)
+        mujoco.mj_passive(state.model, data)
+        out[row] = data.qfrc_gravcomp
+    return out
+
+
+def _motor(state: State, site: str) -> Motor:
     # Asking a model takes longer than all that follows, and no law changes its actuators.
-    key = "drives", site
+    key = "motor", site
     if key not in state.memory:
-        state.memory[key] = [_drive(state.model, i) for i in drives(state.model, site)]
+        state.memory[key] = _asked(state.model, site)
     return state.memory[key]
+
+
+def _asked(model: mujoco.MjModel, site: str) -> Motor:
+    joint = model.joint(site).id
+    if not model.nu or model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
+        return Motor([], False, -np.inf, np.inf)
+    low, high = model.jnt_actfrcrange[joint] if model.jnt_actfrclimited[joint] else (-np.inf, np.inf)
+    acting = [_drive(model, i) for i in drives(model, site) if not _off(model, i)]
+    return Motor(acting, bool(model.jnt_actgravcomp[joint]), float(low), float(high))
+
+
+def _off(model: mujoco.MjModel, i: int) -> bool:
+    group = int(model.actuator_group[i])
+    return 0 <= group <= 30 and bool(model.opt.disableactuator >> group & 1)
 
 
 def _drive(model: mujoco.MjModel, i: int) -> Drive:
     gain, bias = model.actuator_gainprm[i, :3].copy(), model.actuator_biasprm[i, :3].copy()
     low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else (-np.inf, np.inf)
-    least, most = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else (-np.inf, np.inf)
+    clamped = model.actuator_ctrllimited[i] and not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+    least, most = model.actuator_ctrlrange[i] if clamped else (-np.inf, np.inf)
     return Drive(
         i,
         float(model.actuator_gear[i, 0]),

@@ -22,7 +22,10 @@ def viscous(model, site, damping):
 
 
 def direction_dependent(model, site, forward, backward):
-    """Both limits are a symmetric friction beside a constant force, moving or not."""
+    """Both limits are a symmetric friction beside a constant force, moving or not.
+
+    MuJoCo's field for that force is the motor's bias: a force range clips it, and sensors of the motor's force read it.
+    """
     frictionloss(model, site, (forward + backward) / 2)
     motor = sites.drives(model, site)[0]
     model.actuator_biastype[motor] = sites.AFFINE[1]

@@ -36,6 +36,20 @@ def exporting(law: Callable) -> Callable:
     return export
 
 
+def settle(spec: mujoco.MjSpec) -> None:
+    """Write into `spec` what the compiler works out from masses, the damping of servos (dampratio) and the springs of
+    joints (springdamper), so that other masses leave them as they are."""
+    model = spec.compile()
+    for joint in spec.joints:
+        if np.any(joint.springdamper):
+            _put_spring(joint, model, joint.id)
+            _put_dof(joint, model, int(model.jnt_dofadr[joint.id]))
+            joint.springdamper = np.zeros(2)
+    for actuator in spec.actuators:
+        if actuator.biasprm[2] > 0:
+            actuator.biasprm = model.actuator_biasprm[actuator.id]
+
+
 def _write(spec, before, after) -> None:
     spec.option.gravity = after.opt.gravity
     if _rows(before, after, *INERTIAL, "geom_size"):

@@ -29,17 +29,13 @@ def sensor_scale(measured, signal: Signal, site, change):
 def sensor_delay(measured, signal: Signal, site, delay):
     """The reading is that of an earlier time. Where nothing is commanded, all sensors together are late only against
     the state that is known at the start of a run: any other motion may begin at any time."""
-    late = np.full_like(signal.time[:, :1], delay)
-    if site == ALL and not signal.actuators:
-        late[signal.time[:, :1] > 0] = 0.0
-    return _read_at(measured, signal, site, signal.time - late)
+    return _read_at(measured, signal, site, _delayed(signal, site, delay))
 
 
 def clock_drift(measured, signal: Signal, site, rate):
     """What the log stamps with t was measured when (1 - rate) t had passed on the clock of the commands. Where nothing
     is commanded there is no such clock, and any motion may begin at any time: it counts from the first sample."""
-    since = signal.time if signal.actuators else signal.time - signal.time[:, :1]
-    return _read_at(measured, signal, site, signal.time - rate * since)
+    return _read_at(measured, signal, site, _drifted(signal, site, rate))
 
 
 def misalignment(measured, signal: Signal, site, turn_x, turn_y, turn_z):
@@ -55,6 +51,17 @@ def misalignment(measured, signal: Signal, site, turn_x, turn_y, turn_z):
     mujoco.mju_quat2Mat(matrix, quaternion(turn))
     out[:, :, kept] = out[:, :, kept] @ matrix.reshape(3, 3)[np.ix_(axes, axes)]
     return out
+
+
+def _delayed(signal: Signal, site, delay):
+    late = np.full_like(signal.begin, delay)
+    if site == ALL and not signal.actuators:
+        late[signal.begin > 0] = 0.0
+    return signal.time - late
+
+
+def _drifted(signal: Signal, site, rate):
+    return signal.time - rate * (signal.time if signal.actuators else signal.time - signal.begin)
 
 
 def _read_at(measured, signal: Signal, site, wanted):
@@ -86,7 +93,7 @@ def interpolate(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 
 def _export_misalignment(spec, site, turn_x, turn_y, turn_z):
-    """A turned copy of the sensor's MJCF site, because other sensors may share the site."""
+    """A turned copy of the sensor's MJCF site, because other sensors may share the site; only for `sites.carried`."""
     sensor = spec.sensor(site)
     old, name = spec.site(sensor.objname), f"{sensor.objname}_{site}_turned"
     model = spec.compile()
@@ -146,6 +153,7 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"delay": 0.2 * scales.period}],
         law=sensor_delay,
         neutral={"delay": 0.0},
+        when=_delayed,
     ),
     Effect(
         name="misalignment",
@@ -173,5 +181,6 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"rate": 0.2 * scales.period / scales.duration}],
         law=clock_drift,
         neutral={"rate": 0.0},
+        when=_drifted,
     ),
 )

@@ -12,6 +12,10 @@ MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 PROPORTIONAL = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
 AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
+OWN_AXES = tuple(
+    int(getattr(mujoco.mjtSensor, f"mjSENS_{kind}"))
+    for kind in ("ACCELEROMETER", "VELOCIMETER", "GYRO", "FORCE", "TORQUE", "MAGNETOMETER")
+)
 
 
 def joints(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
@@ -110,6 +114,11 @@ def turnable(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
     on_site = int(mujoco.mjtObj.mjOBJ_SITE)
     fits = {n: model.sensor(n).dim[0] == 3 and model.sensor(n).objtype[0] == on_site for n in names}
     return [name for name in dict.fromkeys(names) if fits[name] and names.count(name) > 1]
+
+
+def carried(model: mujoco.MjModel, sensor: str) -> bool:
+    """Whether `sensor` reads along the axes of its MJCF site, and so turns with it; many read along the world's."""
+    return any(s.name == sensor and s.type[0] in OWN_AXES for s in map(model.sensor, range(model.nsensor)))
 
 
 def world(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:

@@ -29,7 +29,7 @@ class Commands:
         step = period or self.model.opt.timestep
         time = windows.first[:, None] * self.recording.period + np.arange(steps) * step
         index = (time / self.recording.period + 1e-9).astype(int)
-        ctrl = windows.ctrl[windows.runs[:, None], np.minimum(index, windows.ctrl.shape[1] - 1)]
+        ctrl = windows.ctrl[windows.runs[:, None], np.clip(index, 0, windows.ctrl.shape[1] - 1)]
         return self.describe(time, ctrl)
 
     def describe(self, time, ctrl) -> Signal:
@@ -63,7 +63,7 @@ class Commands:
             ctrl = law.effect.law(ctrl, self.describe(time, ctrl), law.site, **law.values)
         pieces = ctrl.reshape(len(ctrl), -1, FINER, ctrl.shape[2])
         steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
-        rows = windows.runs[:, None], steps
+        rows = windows.runs[:, None], np.clip(steps, 0, pieces.shape[1] - 1)
         return pieces.mean(2)[rows], pieces[:, :, 0][rows] if self.instant else None
 
 

@@ -15,11 +15,13 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
+from fimpact.effects import sites
 from fimpact.effects.base import Placed
-from fimpact.effects.native import exporting
+from fimpact.effects.native import exporting, settle
 from fimpact.mismatch import player
 from fimpact.mismatch.callback import Bundle, listed
 from fimpact.mismatch.diagnose import Diagnosis, in_words
+from fimpact.mismatch.evidence import residuals
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.mjcf import carry_assets, exact, sharpen
 from fimpact.recordings import FIELDS
@@ -36,6 +38,7 @@ NUMERICS = (
     (RK4, 3),
     (None, 3),
 )  # integrator (None: own), halvings of the step
+TOLD = ("force", "friction", "gear")  # laws that ask what the motors are told
 LISTS = {
     "model": "EDITS",
     "force": "FORCES",
@@ -79,12 +82,12 @@ def improved_model(diagnosis: Diagnosis, integrator: int | None = None, halvings
     spec = recording.spec()
     spec.option.timestep = diagnosis.bench.training.simulator.base.opt.timestep / 2**halvings
     spec.option.integrator = spec.option.integrator if integrator is None else integrator
+    settle(spec)
     for unknown, value in zip(recording.unknowns, hypothesis.theta, strict=True):
         put = FIELDS[unknown.field][2][1]
         exporting(lambda model, site, value, put=put: put(model, site, value))(spec, unknown.site, value=value)
-    for placed in hypothesis.placed:
-        if placed.effect.export is not None:
-            placed.effect.export(spec, placed.site, **placed.values)
+    for placed in _in_fields(diagnosis):
+        placed.effect.export(spec, placed.site, **placed.values)
     return spec
 
 
@@ -124,14 +127,23 @@ def _replayed(diagnosis: Diagnosis, folder: Path) -> float:
     model = scene.load(folder / XML)
     states = zip(windows.runs, windows.first, judged.qpos, judged.qvel, strict=True)
     rows = [scene.simulate(model, windows.ctrl[run], q, v, int(first), windows.length) for run, first, q, v in states]
-    error = float(np.sqrt((problem.whiten(windows.measured - np.array(rows)) ** 2).mean()))
+    error = problem.whiten(windows.measured - np.array(rows)).reshape(windows.measured.shape)
+    error = float(np.sqrt((error[:, _alike(diagnosis)] ** 2).mean()))
     return error if np.isfinite(error) else np.inf
 
 
 def _ours(diagnosis: Diagnosis, judged: Fit) -> float:
     """Root mean square of what our simulation leaves of the held-out windows, in standard deviations."""
-    samples = diagnosis.bench.held_out.windows.measured[0].size
-    return float(np.sqrt((judged.point.residual[:, :samples] ** 2).mean()))
+    return float(np.sqrt((residuals(diagnosis.bench, judged)[:, _alike(diagnosis)] ** 2).mean()))
+
+
+def _alike(diagnosis: Diagnosis) -> slice:
+    """Samples of held-out windows in which files whose simulation begins there read what ours does: of what came
+    before, which late readings show, they know nothing."""
+    problem, hypothesis = diagnosis.bench.held_out, diagnosis.naming.best.judged.point.hypothesis
+    before, after = problem.simulator.reach(hypothesis, problem.windows)
+    last = problem.windows.length - after
+    return slice(before, last) if before < last else slice(None)
 
 
 def _difference(diagnosis: Diagnosis, error: float) -> float:
@@ -167,15 +179,33 @@ def _write(diagnosis: Diagnosis, folder: Path, integrator: int | None, halvings:
 def _summary(diagnosis: Diagnosis) -> str:
     found = "; ".join(in_words(diagnosis.naming, diagnosis.recording, p) for p in diagnosis.naming.best.placed)
     evidence = diagnosis.evidence
-    partly = "" if all(p.effect.export for p in diagnosis.naming.best.placed) else f" {CALLBACK} holds the rest."
+    partly = f" {CALLBACK} holds the rest." if _without_field(diagnosis) else ""
     return (
         f"Improved by fimpact: {found}. Held-out error {evidence.before:.3g} -> {evidence.after:.3g} "
         f"standard deviations of noise.{partly}"
     )
 
 
+def _in_fields(diagnosis: Diagnosis) -> list[Placed]:
+    """Named effects that fields of MuJoCo hold. Those that edit the model come first, as they do in our simulation: a
+    cable is tied to where the centre of mass then is."""
+    placed = diagnosis.naming.best.fitted.point.hypothesis.placed
+    told = any(p.effect.export is None and p.effect.enters in TOLD for p in placed)
+    held = [p for p in placed if p.effect.export is not None and _holds(diagnosis, p, told)]
+    return sorted(held, key=lambda p: p.effect.enters != "model")
+
+
+def _holds(diagnosis: Diagnosis, placed: Placed, told: bool) -> bool:
+    """Whether native fields do what the law does here; told: whether another law asks what the motors are told."""
+    if placed.effect.enters == "command":
+        return not told  # MuJoCo's own lag sits behind the commands that such a law would see
+    model = diagnosis.bench.training.simulator.base
+    return placed.effect.enters != "measurement" or sites.carried(model, placed.site)
+
+
 def _without_field(diagnosis: Diagnosis) -> list[Placed]:
-    return [p for p in diagnosis.naming.best.placed if p.effect.export is None]
+    held = _in_fields(diagnosis)
+    return [p for p in diagnosis.naming.best.fitted.point.hypothesis.placed if p not in held]
 
 
 def _callback(diagnosis: Diagnosis, placed: list[Placed]) -> str:
@@ -200,13 +230,21 @@ def _explained(diagnosis: Diagnosis, placed: list[Placed]) -> str:
     return (
         f"What {XML} cannot hold, for plain MuJoCo: needs numpy and mujoco only. Written by fimpact.\n\n"
         + "\n\n".join(laws).replace("\\", "/").replace('"""', "'''")
-        + f"\n\n    {use}\n\nOr step by step: Stepper(model, data).step(ctrl).\n"
+        + f"\n\n    {use}\n\nOr step by step: Stepper(model, data).step(ctrl).{_left_out(placed)}\n"
     )
 
 
+def _left_out(placed: list[Placed]) -> str:
+    """What of the laws a single step cannot know, because it needs the whole run."""
+    said = {
+        "command": "\nIt takes what reaches the motors: a row of commands(ctrl, substeps)[0] in each time step.",
+        "measurement": "\nIt returns what sensors truly read: measurements(rows, ctrl) is what they report of a run.",
+    }
+    return "".join(text for enters, text in said.items() if any(p.effect.enters == enters for p in placed))
+
+
 def _past(diagnosis: Diagnosis) -> int:
-    placed = diagnosis.naming.best.placed
-    return PAST if any(p.effect.enters == "command" and p.effect.export for p in placed) else 0
+    return PAST if any(p.effect.enters == "command" for p in _in_fields(diagnosis)) else 0
 
 
 def _constants(diagnosis: Diagnosis) -> dict[str, str]:

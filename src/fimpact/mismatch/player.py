@@ -28,7 +28,10 @@ def load(path):
 
 
 class Stepper:
-    """Steps `data` with the added forces; one for each simulation, because a force may remember its past."""
+    """Steps `data` with the added forces; one for each simulation, because a force may remember its past.
+
+    Laws of commands and of measurements need whole runs, and are left to `commands` and `measurements`.
+    """
 
     def __init__(self, model, data):
         self.model, self.data, self.memory, self.before = model, data, {}, None

@@ -13,18 +13,26 @@ GOLDEN = 0.6180339887498949  # multiples of it are spread evenly between whole n
 @dataclass(frozen=True)
 class Windows:
     """Stretches of runs, padded to one length: measured (w, T, ny), NaN where missing; runs: the run of each, first:
-    its first sample, each (w,); ctrl: every run's commands, (runs, N, nu), padded by their last row."""
+    its first sample, each (w,); ctrl: every run's commands, (runs, N, nu), padded by their last row; ends: samples in
+    each run, (runs,), None: as many as rows of commands."""
 
     runs: np.ndarray
     first: np.ndarray
     measured: np.ndarray
     ctrl: np.ndarray
     names: tuple[str, ...]
+    ends: np.ndarray | None = None
 
     @property
     def length(self) -> int:
         """Samples in a window, T."""
         return self.measured.shape[1]
+
+    @property
+    def left(self) -> np.ndarray:
+        """Samples of its run that come after each window, (w,)."""
+        ends = np.full(len(self.ctrl), self.ctrl.shape[1]) if self.ends is None else self.ends
+        return np.maximum(ends[self.runs] - self.first - self.length, 0)
 
     def part(self, rows: np.ndarray) -> "Windows":
         """Some of them only: `rows`, a mask (w,) or indices."""
@@ -51,7 +59,8 @@ def cut(runs: Sequence[Run], length: int, most: int = 0) -> Windows:
     which, first = np.array(places).T
     seen = np.isfinite(measured).any((1, 2))
     kept = seen if seen.any() else ~seen
-    return Windows(which[kept], first[kept], measured[kept], ctrl, tuple(run.name for run in runs))
+    names, ends = tuple(run.name for run in runs), np.array([len(run.measured) for run in runs])
+    return Windows(which[kept], first[kept], measured[kept], ctrl, names, ends)
 
 
 def spread(count: int, most: int) -> np.ndarray:
