@@ -9,6 +9,7 @@ from fimpact.mismatch.simulate import Simulator
 from fimpact.mismatch.windows import Windows
 
 SAMPLES = 400  # states whose inverse dynamics is averaged
+OFTEN = 0.95  # share of the time in which a servo gives no more than its largest force
 EARTH = 9.81  # m/s^2
 
 
@@ -62,14 +63,17 @@ def _position_of_dof(model: mujoco.MjModel) -> np.ndarray:
 
 def _drives(simulator: Simulator, windows: Windows, model: mujoco.MjModel, qpos, qvel) -> tuple[np.ndarray, np.ndarray]:
     """Root mean square and largest force of each actuator, before its gear, (nu,) each: of a motor from its commands,
-    of a servo from where the model at the moment is as well."""
-    ctrl, gain = windows.ctrl.reshape(-1, model.nu), np.abs(model.actuator_gainprm[:, 0])
+    of a servo from where the model is at the moment as well."""
+    ctrl = windows.ctrl.reshape(np.prod(windows.ctrl.shape[:2]), model.nu)
+    gain = np.abs(model.actuator_gainprm[:, 0])
     drive, summit = gain * _rms(ctrl), gain * np.abs(ctrl).max(0, initial=0.0)
     servos = model.actuator_biastype != mujoco.mjtBias.mjBIAS_NONE
     if servos.any():
         told = simulator.commands.signal(windows, qpos.shape[1]).ctrl
         given = np.array([_given(model, qpos[w, k], qvel[w, k], told[w, k + 1]) for w, k in _some(qpos)])
-        drive[servos], summit[servos] = _rms(given)[servos], np.abs(given).max(0)[servos]
+        # Where the model is far from its target, as at the start of windows that it does not fit, it snaps.
+        largest = np.quantile(np.abs(given), OFTEN, 0)
+        drive[servos], summit[servos] = np.minimum(_rms(given), largest)[servos], largest[servos]
     return drive, summit
 
 
