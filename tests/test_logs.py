@@ -92,6 +92,9 @@ def test_a_short_stretch_between_gaps_is_left_out(tmp_path):
     keep = np.r_[0:300, 350:370, 420:751]
     write_csv(tmp_path / "a.csv", {k: v[keep] for k, v in motion(1).items()})
     assert [run.name for run in read_case(path).training] == ["a part 1", "a part 3"]
+    case = altered(window=0.3, start={"shoulder": {"position": 0.5}})
+    opening, later = read_case(write_case_of(tmp_path, case, MODEL)).training
+    assert opening.qpos[0] == 0.5 and later.qpos is None
     bursts = np.concatenate([np.arange(k, k + 16) for k in range(0, 700, 28)])
     write_csv(tmp_path / "b.csv", {k: v[bursts] for k, v in motion(2).items()})
     with pytest.raises(CaseError, match="the longest part between them has 16 samples"):

@@ -124,11 +124,12 @@ def _option(timestep: float):
 
 def _runs(sampled: Sampled, model: mujoco.MjModel, seen, drives, period: float, start: dict, least: int):
     state = start | starts.checked(model, sampled.source.state, f"{sampled.source.where}.state")
-    for name, low, count, measured in pieces(sampled, period, least):
+    for name, opens, low, measured in pieces(sampled, period, least):
         measured = quaternions.unit(measured, seen, sampled.source.where)
-        ctrl = held_commands(sampled, drives, low, period, count)
-        measured = starts.as_model(model, seen, measured, period, state)
-        qpos, qvel = starts.believed(model, seen, measured, period, state)
+        ctrl = held_commands(sampled, drives, low, period, len(measured))
+        given = state if opens else {}
+        measured = starts.as_model(model, seen, measured, period, given)
+        qpos, qvel = starts.believed(model, seen, measured, period, given)
         yield Run(name, ctrl, measured, sampled.source.held_out, qpos, qvel)
 
 

@@ -128,9 +128,9 @@ def _not_mostly_gaps(series: Series, here: str) -> Series:
     return series
 
 
-def pieces(run: Sampled, period: float, least: int) -> Iterator[tuple[str, float, int, np.ndarray]]:
-    """Name, start in s, length T and measurements (T, ny) of the parts of a run in which every command is known; parts
-    of fewer than `least` samples are left out.
+def pieces(run: Sampled, period: float, least: int) -> Iterator[tuple[str, bool, float, np.ndarray]]:
+    """Name, whether it opens the run, start in s, and measurements (T, ny) of the parts of a run in which every command
+    is known; parts of fewer than `least` samples are left out.
 
     Raises:
         CaseError: measurements of another time than the commands, or no part that is long enough.
@@ -157,7 +157,7 @@ def pieces(run: Sampled, period: float, least: int) -> Iterator[tuple[str, float
             continue
         columns = [on_grid(one, low, period, count) if one else np.full(count, np.nan) for one in run.measured]
         name = run.source.name + (f" part {index + 1}" if len(parts) > 1 else "")
-        yield name, low, count, np.column_stack(columns)
+        yield name, index == 0, low, np.column_stack(columns)
 
 
 def _at_sample(run: Sampled, low: float, period: float) -> float:
