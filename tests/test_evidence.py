@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fimpact.mismatch.colour import Colour
+from fimpact.mismatch.colour import Colour, Disturbance
 from fimpact.mismatch.evidence import _interval, _of_few
 from fimpact.mismatch.weigh import _ordinary
 
@@ -39,7 +39,7 @@ def test_what_disturbances_dragged_is_as_uncertain_as_that():
     seen, push = rng.standard_normal((10, 40, 2)), rng.standard_normal((10, 40, 3))
     push[:, :, 0] += seen[:, :, 0]  # a disturbance that does what the first coordinate does
     directions, size, _ = np.linalg.svd(9 * push, full_matrices=False)
-    shade = Colour(directions, np.sqrt(1 + size**2), np.zeros((10, 40, 0)))
+    shade = Colour(directions, np.sqrt(1 + size**2), np.zeros((10, 40, 0)), Disturbance(np.zeros(1), 1.0))
     fitted = SimpleNamespace(
         linear=SimpleNamespace(projected=seen), coordinates=SimpleNamespace(sd=np.full(2, np.inf)), scale=np.ones(2)
     )

@@ -45,17 +45,52 @@ def background(fitted: Fit, found: Pulses) -> Background:
     return Background(float((along**2).sum()), int(used.sum()) - fitted.linear.raw.shape[2])
 
 
+@dataclass(frozen=True)
+class Carried:
+    """What a disturbance that outlasts a window adds to the variance of a score, as a share of what windows apart would
+    have, and how many independent pieces the windows then are, (c,) each."""
+
+    share: np.ndarray | float = 0.0
+    pieces: np.ndarray | float = 2.0
+
+    def freedom(self, apart: float) -> np.ndarray:
+        """Of the variance of a score, `apart` without it (Satterthwaite): a few pieces say little of their size."""
+        return (1 + self.share) ** 2 / (1 / apart + self.share**2 / np.maximum(self.pieces - 1, 1.0))
+
+
+def carried(fitted: Fit, found: Pulses, columns: np.ndarray, before: Fit) -> Carried:
+    """What the disturbance under which `fitted` is coloured carries from window to window of a run, for scores of
+    projected sensitivities `columns`, (w m, c). Pieces are as long as the memory `before`: the less a slow force
+    changes, the more of it a candidate takes for itself, and what is left looks quick."""
+    pushing, longest = fitted.linear.colour.pushing, before.linear.colour.pushing.memory
+    own = columns.reshape(len(found.time), -1, columns.shape[1])
+    first, last = (fitted.linear.off(end * pushing.sd).transpose(0, 2, 1) @ own for end in found.ends(pushing.memory))
+    # Of an exponential memory, what a window shares with an earlier one is a product of what each has by itself.
+    earlier = np.greater.outer(found.middle, found.middle) * found.kept(pushing.memory)
+    together = 2 * np.einsum("wdc,wv,vdc->c", first, earlier, last, optimize=True)
+    counted = (own**2).sum(1)
+    squares = (counted * (found.kept(max(longest, pushing.memory)) ** 2 @ counted)).sum(0)
+    total = counted.sum(0)
+    return Carried(np.maximum(together / total, 0.0), total**2 / squares)
+
+
 def adjusted(
-    z: np.ndarray, columns: np.ndarray, two_sided: np.ndarray, behind: Background, seed: int = 0
+    z: np.ndarray,
+    columns: np.ndarray,
+    two_sided: np.ndarray,
+    behind: Background,
+    lasting: Carried = Carried(),
+    seed: int = 0,
 ) -> np.ndarray:
     """p of each candidate, (c,), adjusted for all of them.
 
     Args:
         z: scores in standard deviations of the sensors' noise, (c,). columns: their projected sensitivities, (m, c).
-        two_sided: whether a negative score counts as well, (c,).
+        two_sided: whether a negative score counts as well, (c,). lasting: what disturbances carry between windows.
     """
     # Student's t where little is left to scale by.
-    t = _as(norm, student(max(behind.freedom - 1, 1)).logsf(np.abs(z) / np.sqrt(behind.scale(z**2)))) * np.sign(z)
+    sd, freedom = np.sqrt(behind.scale(z**2) * (1 + lasting.share)), lasting.freedom(max(behind.freedom - 1, 1))
+    t = _as(norm, student(freedom).logsf(np.abs(z) / sd)) * np.sign(z)
     drawn = _joint_draws(columns, seed)
     largest = np.where(two_sided, np.abs(drawn), drawn).max(1)
     return _p(np.where(two_sided, np.abs(t), t), largest)

@@ -25,7 +25,7 @@ SIZES = (-9.0, 20.0)  # log of the variance, in units of what the sensors show o
 REWEIGHTED = 4  # passes; the first counts all windows alike
 TRUST = 0.5  # of a coordinate's size: how far one linear step may go
 PASSES = 3  # of a disturbance and the effect beside it in turn
-MEMORIES = (-1.0, 3.5)  # log of the memory, in bins
+MEMORIES = (-1.0, 5.0)  # log of the memory, in bins; a dozen windows and more are for ever
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,17 @@ class Disturbance:
 @dataclass(frozen=True)
 class Colour:
     """Orthonormal directions (w, m, c) in which the residual of a window is louder than noise by sd `louder`, (w, c),
-    what a late clock of each run does to it, (w, m, runs), and the noise in units of that of the sensors."""
+    what a late clock of each run does to it, (w, m, runs), and the disturbance that makes it so."""
 
     directions: np.ndarray
     louder: np.ndarray
     clocks: np.ndarray
-    noise: float = 1.0
+    pushing: Disturbance
+
+    @property
+    def noise(self) -> float:
+        """What is white, in units of the noise of the sensors."""
+        return self.pushing.noise
 
     def white(self, columns: np.ndarray) -> np.ndarray:
         """`columns`, (w, m, k), in units in which the residual is white."""
@@ -112,7 +117,7 @@ def _freedom(fitted: Fit) -> float:
 def colour(found: Pulses, pushing: Disturbance) -> Colour:
     """What `pushing` makes of the noise in the windows of `found`."""
     directions, size, _ = np.linalg.svd(found.columns @ pushing.root(), full_matrices=False)
-    return Colour(directions, np.sqrt(1 + (size / pushing.noise) ** 2), found.clocks, pushing.noise)
+    return Colour(directions, np.sqrt(1 + (size / pushing.noise) ** 2), found.clocks, pushing)
 
 
 def beside(fitted: Fit, found: Pulses, change: np.ndarray) -> Disturbance:

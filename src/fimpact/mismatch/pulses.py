@@ -50,6 +50,32 @@ class Pulses:
     driven: tuple[int, ...]
     clocks: np.ndarray
 
+    @property
+    def runs(self) -> np.ndarray:
+        """Run of each window, (w,), as a number that is its own: it is the run whose clock moves it. One in which
+        nothing moves counts as a run by itself."""
+        moved = np.abs(self.clocks).max(1)
+        return np.where(moved.any(1), moved.argmax(1), -1 - np.arange(len(moved)))
+
+    def ends(self, memory: float) -> tuple[np.ndarray, np.ndarray]:
+        """Sensitivities, (w, m, nv) each, to a force that is 1 in the middle of a window and fades in `memory` bins,
+        or grows as fast."""
+        fade = np.exp(-(np.arange(BINS) - (BINS - 1) / 2) / memory)
+        each = self.columns.reshape(*self.columns.shape[:2], -1, BINS)
+        return each @ fade, each @ fade[::-1]
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Of each window, (w,), in bins since the start of its run."""
+        width = (self.time[:, -1] - self.time[:, 0]).mean() / (BINS - 1)
+        return self.time.mean(1) / width
+
+    def kept(self, memory: float) -> np.ndarray:
+        """Correlation, (w, w), of forces at the middle of windows, which forget themselves within `memory` bins; those
+        of different runs know nothing of each other."""
+        apart = np.abs(np.subtract.outer(self.middle, self.middle))
+        return np.equal.outer(self.runs, self.runs) * np.exp(-apart / memory)
+
     def along(self, dof: int, curve: np.ndarray) -> np.ndarray:
         """Sensitivity, (w, m), to the force `curve`, (w, BINS), on one degree of freedom."""
         return np.einsum("wmb,wb->wm", self.columns[:, :, dof * BINS : (dof + 1) * BINS], curve)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.mismatch.calibrate import adjusted, background
+from fimpact.mismatch.calibrate import adjusted, background, carried
 from fimpact.mismatch.colour import beside, coloured, disturbance
 from fimpact.mismatch.explain import Explanation, corrected, refit
 from fimpact.mismatch.fit import Fit
@@ -88,7 +88,7 @@ def step(search: Search, current: Explanation, least: float = 0.0, refits: int =
         return Step([], np.zeros(0), [])
     # What one step leaves of a large effect is no disturbance: there the disturbance before it is the better judge.
     judges = (fitted, screened), _beside(search, current.fitted, screened)
-    alone, apart = (family_p(search.pulses, *judge) for judge in judges)
+    alone, apart = (family_p(search.pulses, *judge, fitted) for judge in judges)
     p = np.minimum(alone, SEEN * apart)
     found = Step(screened, p, [])
     if found.least > (FURTHER if current.placed else alarm) or screened[0].gain < least:
@@ -166,8 +166,10 @@ def alike(one: Candidate, other: Candidate) -> float:
     return float((one.column * other.column).sum() / np.sqrt(one.information * other.information))
 
 
-def family_p(found: Pulses, fitted: Fit, screened: list[Candidate]) -> np.ndarray:
-    """p of each candidate beside `fitted`, adjusted for all of them, (c,)."""
+def family_p(found: Pulses, fitted: Fit, screened: list[Candidate], before: Fit) -> np.ndarray:
+    """p of each candidate beside `fitted`, adjusted for all of them, (c,); `before`: the fit under the disturbance that
+    is left where nothing has been taken for an effect."""
     columns = np.stack([c.column.ravel() for c in screened], 1)
     sides = np.array([two_sided(c.placed.effect) for c in screened])
-    return adjusted(np.array([c.z for c in screened]), columns, sides, background(fitted, found))
+    lasting = carried(fitted, found, columns, before)
+    return adjusted(np.array([c.z for c in screened]), columns, sides, background(fitted, found), lasting)

@@ -102,8 +102,11 @@ def widened(parts: Sequence[Fit], shades: Sequence[Colour]) -> tuple[float, np.n
     its coordinates, (k, k), those counted: of the generalised estimate, or, where the explanation was left as ordinary
     squares have it, of that."""
     spread, optimum = dispersion(parts, generalised(parts, shades).deviances), generalised(parts[:1], shades[:1])
-    ordinary = np.any(np.abs(optimum.step) > np.sqrt(spread * np.diag(optimum.covariance)))
-    return spread, spread * (_ordinary(parts[0], shades[0]) if ordinary else optimum.covariance)
+    known = spread * optimum.covariance
+    if np.all(np.abs(optimum.step) <= np.sqrt(np.diag(known))):
+        return spread, known
+    # What is dispersed beyond the disturbances counts as it does for the generalised estimate.
+    return spread, known - optimum.covariance + _ordinary(parts[0], shades[0])
 
 
 def _ordinary(fitted: Fit, shade: Colour) -> np.ndarray:
