@@ -97,7 +97,7 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
 def _loud(evidence: Evidence) -> str:
     """How far off a model is of which nothing can be said to be missing."""
     off = evidence.before / max(evidence.noise_floor, 1e-9)
-    told = f", but the model is {off:.2g} times the noise off on held-out runs: disturbed, or too few to tell."
+    told = f", though held-out runs are {off:.2g} times the noise off: a disturbance, or too little data to name it."
     return "." if off < LOUD else told
 
 
