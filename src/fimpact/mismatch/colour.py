@@ -25,7 +25,7 @@ SIZES = (-9.0, 20.0)  # log of the variance, in units of what the sensors show o
 REWEIGHTED = 4  # passes; the first counts all windows alike
 TRUST = 0.5  # of a coordinate's size: how far one linear step may go
 PASSES = 3  # of a disturbance and the effect beside it in turn
-MEMORIES = (-1.0, 5.0)  # log of the memory, in bins; a dozen windows and more are for ever
+MEMORIES = (-1.0, 3.5)  # log of the memory, in bins
 
 
 @dataclass(frozen=True)
