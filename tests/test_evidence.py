@@ -7,7 +7,7 @@ import pytest
 
 from fimpact.mismatch.colour import Colour, Disturbance
 from fimpact.mismatch.evidence import _interval, _of_few
-from fimpact.mismatch.weigh import _ordinary
+from fimpact.mismatch.weigh import _ordinary, widened
 
 
 @pytest.mark.parametrize("windows", [2, 3, 6, 18])
@@ -34,18 +34,35 @@ def test_one_window_shows_what_is_beyond_its_noise_and_no_more():
     assert low < 0 < high
 
 
-def test_what_disturbances_dragged_is_as_uncertain_as_that():
-    rng = np.random.default_rng(0)
+def dragged(rng) -> tuple:
+    """A fit, a disturbance that does what its first coordinate does, and its colour."""
     seen, push = rng.standard_normal((10, 40, 2)), rng.standard_normal((10, 40, 3))
-    push[:, :, 0] += seen[:, :, 0]  # a disturbance that does what the first coordinate does
+    push[:, :, 0] += seen[:, :, 0]
     directions, size, _ = np.linalg.svd(9 * push, full_matrices=False)
     shade = Colour(directions, np.sqrt(1 + size**2), np.zeros((10, 40, 0)), Disturbance(np.zeros(1), 1.0))
     fitted = SimpleNamespace(
         linear=SimpleNamespace(projected=seen), coordinates=SimpleNamespace(sd=np.full(2, np.inf)), scale=np.ones(2)
     )
-    flat = seen.reshape(-1, 2)
-    errors = []
+    return fitted, push, shade
+
+
+def test_what_disturbances_dragged_is_as_uncertain_as_that():
+    rng, errors = np.random.default_rng(0), []
+    fitted, push, shade = dragged(rng)
+    flat = fitted.linear.projected.reshape(-1, 2)
     for _ in range(2000):
         noise = rng.standard_normal((10, 40)) + 9 * np.einsum("wmp,wp->wm", push, rng.standard_normal((10, 3)))
         errors.append(np.linalg.lstsq(flat, noise.ravel(), rcond=None)[0])
     np.testing.assert_allclose(np.std(errors, axis=0), np.sqrt(np.diag(_ordinary(fitted, shade))), rtol=0.06)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.9, 1.1])
+def test_only_what_was_left_by_ordinary_squares_counts_as_dragged(step, monkeypatch):
+    fitted, _, shade = dragged(np.random.default_rng(0))
+    optimum = SimpleNamespace(deviances=[], step=np.array([0.0, 2 * step]), covariance=np.eye(2))
+    monkeypatch.setattr("fimpact.mismatch.weigh.generalised", lambda parts, shades: optimum)
+    monkeypatch.setattr("fimpact.mismatch.weigh.dispersion", lambda parts, sums: 4.0)
+    spread, covariance = widened([fitted], [shade])
+    expected = 3 * np.eye(2) + _ordinary(fitted, shade) if step > 1 else 4 * np.eye(2)
+    np.testing.assert_allclose(covariance, expected)
+    assert spread == 4.0

@@ -426,6 +426,13 @@ def test_what_changes_nothing_costs_nothing(nothing):
     assert one < amplitudes < 2 * one and shapes == 0.0
 
 
+def test_what_parameters_alone_would_take_is_no_places(nothing):
+    fitted, seen = nothing.naming.naive.fitted, nothing.naming.pulses
+    step = 300 * fitted.linear.raw[..., 0] / np.linalg.norm(fitted.linear.projected[..., 0])
+    off = replace(fitted, point=replace(fitted.point, residual=fitted.point.residual + step))
+    assert max(place.share for place in locate(nothing.bench.training, off, seen).places) < 0.5
+
+
 def test_a_linear_effect_is_tried_at_a_small_share_of_its_probe(nothing, monkeypatch):
     """A payload of ordinary size brings a contact forward: what one window then shows drowns the others."""
     dry = Placed(EFFECTS["coulomb"], "joint_2", {"friction": 1.0})
