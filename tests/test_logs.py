@@ -10,6 +10,8 @@ from fimpact.cases import CaseError, read_case
 from fimpact.cases.names import unit
 from fimpact.cases.timebase import Series, on_grid
 from fimpact.cli import main
+from fimpact.effects import EFFECTS
+from fimpact.mismatch.judge import bench
 from fimpact.mismatch.starts import noise_level
 
 
@@ -92,9 +94,12 @@ def test_a_short_stretch_between_gaps_is_left_out(tmp_path):
     keep = np.r_[0:300, 350:370, 420:751]
     write_csv(tmp_path / "a.csv", {k: v[keep] for k, v in motion(1).items()})
     assert [run.name for run in read_case(path).training] == ["a part 1", "a part 3"]
-    case = altered(window=0.3, start={"shoulder": {"position": 0.5}})
-    opening, later = read_case(write_case_of(tmp_path, case, MODEL)).training
+    case = altered(window=0.3, start={"shoulder": {"position": 0.5, "position_sd": 0.01}})
+    recording = read_case(write_case_of(tmp_path, case, MODEL))
+    opening, later = recording.training
     assert opening.qpos[0] == 0.5 and later.qpos is None
+    held = bench(recording).training.start_weight[:, 0] > 1
+    assert held[0] and not held[1:].any()
     bursts = np.concatenate([np.arange(k, k + 16) for k in range(0, 700, 28)])
     write_csv(tmp_path / "b.csv", {k: v[bursts] for k, v in motion(2).items()})
     with pytest.raises(CaseError, match="the longest part between them has 16 samples"):
@@ -113,6 +118,20 @@ def toss(folder, dropout: list[float], **changes):
     turned = {"body": "cube", "unit": "1", "quantity": "orientation", "columns": list("abcd")}
     case = altered(commands={}, measurements={"place": body, "turn": turned}, unknowns=[], window=0) | changes
     return write_case_of(folder, case, TOSS)
+
+
+def test_a_model_whose_gravity_is_switched_off_may_lean(tmp_path):
+    flat = MODEL.replace('<option timestep="0.002"/>', '<option timestep="0.002"><flag gravity="disable"/></option>')
+    write_case(tmp_path, CASE)
+    recording = read_case(write_case_of(tmp_path, altered(accept=["units", "swapped", "sign"]), flat))
+    model = recording.spec().compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = 1.0
+    mujoco.mj_forward(model, data)
+    assert not data.qacc.any()
+    EFFECTS["gravity_tilt"].law(model, "world", 0.0, 0.1, 0.0)
+    mujoco.mj_forward(model, data)
+    assert data.qacc.all()
 
 
 def test_an_orientation_of_no_length_is_no_orientation(tmp_path):

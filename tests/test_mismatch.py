@@ -854,22 +854,24 @@ SLED = """<mujoco><worldbody><body name="sled"><joint name="rail" type="slide"/>
 
 
 @pytest.mark.parametrize(
-    ("site", "unit", "expected"),
+    ("of", "unit", "expected"),
     [
-        ("rail", "N m s/rad", "N s/m"),
-        ("rail", "rad/(N m)", "m/N"),
-        ("rail", "kg m²", "kg"),
-        ("pusher", "N m", "N"),
-        ("hinge", "N m s/rad", "N m s/rad"),
-        ("turner", "N m", "N m"),
-        ("sled", "kg", "kg"),
-        ("camera[2]", "of the channel", "m"),
-        ("speed", "of the channel", "rad/s"),
-        ("turn[0]", "of the channel", "of the channel"),
+        ("viscous@rail", "N m s/rad", "N s/m"),
+        ("joint_elasticity@rail", "rad/(N m)", "m/N"),
+        ("rotor_inertia@rail", "kg m²", "kg"),
+        ("torque_offset@pusher", "N m", "N"),
+        ("viscous@hinge", "N m s/rad", "N m s/rad"),
+        ("torque_offset@turner", "N m", "N m"),
+        ("mass@sled", "kg", "kg"),
+        ("inertia@rail", "kg m^2", "kg m^2"),
+        ("misalignment@rail", "rad", "rad"),
+        ("sensor_bias@camera[2]", "of the channel", "m"),
+        ("sensor_bias@speed", "of the channel", "rad/s"),
+        ("sensor_bias@turn[0]", "of the channel", "of the channel"),
     ],
 )
-def test_units_are_those_of_the_joint_or_the_channel(site, unit, expected):
-    assert unit_at(mujoco.MjSpec.from_string(SLED), site, unit) == expected
+def test_units_are_those_of_the_joint_or_the_channel(of, unit, expected):
+    assert unit_at(mujoco.MjSpec.from_string(SLED), of, unit) == expected
 
 
 @pytest.mark.parametrize(("unit", "said"), [("1", "change 2.51 ± 2"), ("N m", "change 2.51 ± 2 N m")])

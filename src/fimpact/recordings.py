@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+WEIGHTLESS = int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+
 
 @dataclass(frozen=True)
 class Unknown:
@@ -29,7 +31,8 @@ class Run:
     """One recording on a uniform time base.
 
     ctrl: (T, nu) in the actuators' units, held over each period. measured: (T, ny), NaN where missing.
-    qpos, qvel: (nq,), (nv,) the state believed at its start, or None where the measurements show it.
+    qpos, qvel: (nq,), (nv,) the state believed at its start, or None where the measurements show it. opens: whether it
+    begins where the robot did: what is known of that says nothing of the later part of a run that was cut.
     """
 
     name: str
@@ -38,6 +41,7 @@ class Run:
     held_out: bool
     qpos: np.ndarray | None = None
     qvel: np.ndarray | None = None
+    opens: bool = True
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Recording:
     xml: the naive MJCF, with one named sensor per channel. folder: where its meshes are. period: s.
     channels: names of the MJCF sensors measured, (ny,) counted by scalar components; a vector sensor is given
     as ``name[0]``, ``name[1]``, ... unknowns: what is fitted. noise: sd of each channel where known, else NaN.
-    start_sd: prior standard deviation of qpos and qvel (2 nv,) at the start of each run, inf: none.
+    start_sd: prior standard deviation of qpos and qvel (2 nv,) at the start of each run that `opens`, inf: none.
     window: length of the windows in s, 0: whole runs. windows: how many of the training runs' are fitted, 0: all.
     """
 
@@ -63,8 +67,12 @@ class Recording:
     windows: int = 0
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh MjSpec of the naive model."""
-        return mujoco.MjSpec.from_string(self.xml)
+        """A fresh MjSpec of the naive model; gravity that a flag switches off is none, so that a lean can be tried."""
+        spec = mujoco.MjSpec.from_string(self.xml)
+        if spec.option.disableflags & WEIGHTLESS:
+            spec.option.gravity = np.zeros(3)
+            spec.option.disableflags &= ~WEIGHTLESS
+        return spec
 
     @property
     def training(self) -> tuple[Run, ...]:

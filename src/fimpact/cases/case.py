@@ -130,7 +130,7 @@ def _runs(sampled: Sampled, model: mujoco.MjModel, seen, drives, period: float, 
         given = state if opens else {}
         measured = starts.as_model(model, seen, measured, period, given)
         qpos, qvel = starts.believed(model, seen, measured, period, given)
-        yield Run(name, ctrl, measured, sampled.source.held_out, qpos, qvel)
+        yield Run(name, ctrl, measured, sampled.source.held_out, qpos, qvel, opens)
 
 
 def _unknowns(naive: Naive, table: list[dict]) -> tuple[Unknown, ...]:

@@ -25,6 +25,8 @@ Z95 = 1.959964
 BLIND = 1e3  # times a coefficient's size: width of an interval from which the recordings do not show it
 LOUD = 2.0  # times the noise: held-out error that is told where nothing is found missing
 REFUSED = "The likeliest name does not improve held-out runs"
+# Turns of what is no joint, though one may have the name of its site.
+ELSEWHERE = ("inertia", "gravity_tilt", "ground_tilt", "misalignment")
 SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
 
 
@@ -158,17 +160,20 @@ def parameter_rows(naming: Fitted, recording: Recording) -> list[dict[str, Any]]
         unit = next(c.unit for c in placed.effect.coefficients if c.name == coefficient)
         labels.append((coefficient, placed.name, unit, None, None))
     spec = recording.spec()
-    labels = [(name, of, unit_at(spec, of.partition("@")[2], unit), *rest) for name, of, unit, *rest in labels]
+    labels = [(name, of, unit_at(spec, of, unit), *rest) for name, of, unit, *rest in labels]
     keys = ("name", "of", "unit", "before", "naive", "after", "low", "high")
     rows = zip(labels, after, after - error, after + error, strict=True)
     return [dict(zip(keys, (*label, float(v), float(lo), float(hi)), strict=True)) for label, v, lo, hi in rows]
 
 
-def unit_at(spec: mujoco.MjSpec, site: str, unit: str) -> str:
-    """`unit`, which is that of a hinge, or what it is where the joint, or the joint of the motor, slides; of a channel,
-    its own, as far as that is known."""
+def unit_at(spec: mujoco.MjSpec, of: str, unit: str) -> str:
+    """The unit of a number of `of`, ``field@site``: `unit`, which is that of a hinge, or what it is where the joint, or
+    the joint of the motor, slides; of a channel, its own, as far as that is known."""
+    what, _, site = of.partition("@")
     if unit == CHANNEL:
         return channel_unit(spec.compile(), site) or unit
+    if what in ELSEWHERE:
+        return unit
     motor = spec.actuator(site)
     joint = spec.joint(motor.target if motor else site)
     if joint and joint.type == mujoco.mjtJoint.mjJNT_SLIDE:

@@ -14,7 +14,7 @@ from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.settle import first_point, restarted
 from fimpact.mismatch.simulate import Hypothesis, Simulator
-from fimpact.mismatch.starts import noise_level, start_states
+from fimpact.mismatch.starts import noise_level, start_spread, start_states
 from fimpact.mismatch.windows import cut
 from fimpact.recordings import Recording
 
@@ -52,7 +52,7 @@ def bench(recording: Recording) -> Bench:
     for runs, held_out in ((recording.training, False), (recording.held_out, True)):
         windows = cut(runs, length, 0 if held_out else recording.windows)
         starts = start_states(simulator, windows, noise, held_out)
-        problems.append(Problem(simulator, windows, noise, starts, recording.start_sd))
+        problems.append(Problem(simulator, windows, noise, starts, start_spread(recording, windows, held_out)))
     return Bench(*problems, (Simulator(recording, 2), Simulator(recording, 4)), noise)
 
 

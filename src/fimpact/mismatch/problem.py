@@ -77,15 +77,15 @@ class Linear:
 
 
 class Problem:
-    """Windows of a recording under a simulator; `noise` (ny,) or (w, T, ny), and what numerics add to predictions."""
+    """Windows of a recording under a simulator; `noise` (ny,) or (w, T, ny), and what numerics add to predictions;
+    `start_sd` (w, 2 nv): prior standard deviation of the states `starts`, inf: none."""
 
     def __init__(self, simulator: Simulator, windows: Windows, noise: np.ndarray, starts: tuple, start_sd: np.ndarray):
         self.simulator, self.windows = simulator, windows
         self.noise = np.broadcast_to(noise, windows.measured.shape)
         self.offset, self.bend = np.zeros_like(windows.measured), None
         self.starts = starts
-        given = (windows.first == 0)[:, None] & np.isfinite(start_sd)
-        self.start_weight = np.where(given, 1 / np.where(start_sd > 0, start_sd, 1.0), WEAK)
+        self.start_weight = np.where(np.isfinite(start_sd), 1 / np.where(start_sd > 0, start_sd, 1.0), WEAK)
 
     def part(self, rows: np.ndarray) -> "Problem":
         """The problem of some windows only: `rows`, a mask (w,) or indices."""

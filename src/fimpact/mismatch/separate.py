@@ -119,7 +119,8 @@ def _played(bench: Bench, member: Fit, ctrl, qpos, qvel) -> Problem:
     starts = [states[:, firsts * simulator.substeps].reshape(-1, states.shape[2]) for states in path]
     runs, first = np.repeat(np.arange(count), len(firsts)), np.tile(firsts, count)
     windows = Windows(runs, first, np.zeros((len(runs), length, whole.shape[2])), ctrl, ())
-    return Problem(simulator, windows, bench.noise, tuple(starts), simulator.recording.start_sd)
+    spread = np.where(first[:, None] == 0, simulator.recording.start_sd, np.inf)
+    return Problem(simulator, windows, bench.noise, tuple(starts), spread)
 
 
 def _noise(bench: Bench, problem: Problem, member: Fit, point: Point, pushing: Disturbance) -> Colour:

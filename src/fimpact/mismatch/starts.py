@@ -1,11 +1,13 @@
 """The state at the start of each window, as far as the measurements show it, and the noise that they carry."""
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 
 from fimpact.mismatch.simulate import Simulator
 from fimpact.mismatch.windows import Windows
-from fimpact.recordings import Recording
+from fimpact.recordings import Recording, Run
 
 WIDTHS = (41, 31, 21, 15, 11, 7, 5)  # samples in the local fit of position and speed, widest first
 FITS = 1.5  # standard deviations of noise: the residual up to which a local fit follows the signal
@@ -21,16 +23,26 @@ def start_states(simulator: Simulator, windows: Windows, noise: np.ndarray, held
     """First guesses of qpos (w, nq) and qvel (w, nv): measured joints and poses by a local cubic, others as given
     for the start of the run, or as in the model's reference configuration."""
     model, recording = simulator.base, simulator.recording
-    runs = recording.held_out if held_out else recording.training
     qpos = np.tile(model.qpos0, (len(windows.runs), 1))
     qvel = np.zeros((len(windows.runs), model.nv))
-    for row, (which, first) in enumerate(zip(windows.runs, windows.first, strict=True)):
-        run = runs[which]
+    for row, (run, first) in enumerate(_places(recording, windows, held_out)):
         if first == 0 and run.qpos is not None:
             qpos[row], qvel[row] = run.qpos, run.qvel
         else:
             _measured_state(model, recording, run.measured, first, noise, qpos[row], qvel[row])
     return qpos, qvel
+
+
+def start_spread(recording: Recording, windows: Windows, held_out: bool = False) -> np.ndarray:
+    """Prior standard deviation of the states at the start of windows, (w, 2 nv); inf where nothing is known of them."""
+    told = [first == 0 and run.opens for run, first in _places(recording, windows, held_out)]
+    return np.where(np.array(told)[:, None], recording.start_sd, np.inf)
+
+
+def _places(recording: Recording, windows: Windows, held_out: bool) -> Iterator[tuple[Run, int]]:
+    """Run and first sample of each window."""
+    runs = recording.held_out if held_out else recording.training
+    return ((runs[which], first) for which, first in zip(windows.runs, windows.first, strict=True))
 
 
 def _measured_state(model, recording: Recording, measured, first: int, noise, qpos, qvel) -> None:
