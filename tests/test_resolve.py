@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from planted import record
@@ -192,9 +193,18 @@ def test_no_window_alone_separates():
     assert _left(shown, linear, 1e-6 * np.eye(1), 2) == pytest.approx([2.5, MOST], rel=1e-3)
 
 
+def moved_by(motors: int) -> mujoco.MjModel:
+    """A sled with so many motors."""
+    motor = '<motor joint="rail"/>' * motors
+    return mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint name="rail" type="slide"/><geom size="0.1"/></body></worldbody>'
+        f"<actuator>{motor}</actuator></mujoco>"
+    )
+
+
 @pytest.mark.parametrize(("value", "searched"), [(2 * ENOUGH, 0), (ENOUGH / 2, PATIENCE + 1)])
 def test_a_search_ends_when_more_is_not_needed_or_not_found(value, searched):
-    calls, allowed = [], Limits(np.zeros(3), np.ones(3), 5, 0, 1)
+    calls, allowed = [], Limits(np.zeros(3), np.ones(3), 5, moved_by(0))
 
     def constant(designs):
         calls.append(len(designs))
@@ -206,7 +216,7 @@ def test_a_search_ends_when_more_is_not_needed_or_not_found(value, searched):
 
 def test_a_search_that_finds_nothing_worth_playing_ends_early():
     values = iter(np.logspace(-6, -3, GENERATIONS))
-    allowed = Limits(np.zeros(3), np.ones(3), 5, 0, 1)
+    allowed = Limits(np.zeros(3), np.ones(3), 5, moved_by(0))
     _, pairs = _search(
         lambda designs: np.full((len(designs), 1), next(values)), allowed, np.zeros(3), np.array([1e-9]), 0
     )
@@ -238,16 +248,26 @@ def test_a_special_case_is_told_by_what_only_the_general_one_does(rivals, monkey
 
 def test_commands_go_gently_or_at_once_from_knot_to_knot():
     knots = np.tile([[0.0], [1.0]], (4, 1)).ravel()
-    allowed = Limits(np.zeros(11), np.ones(11), 71, 1, 0)
-    gently, at_once = (allowed.unpack(np.append(knots, [part, 0, 0]))[0][:, 0] for part in (1.0, 0.02))
+    allowed = Limits(np.zeros(13), np.ones(13), 71, moved_by(1))
+    gently, at_once = (allowed.unpack(np.append(knots, [part, 0, 0, 0, 0]))[0][:, 0] for part in (1.0, 0.02))
     assert np.diff(gently) == pytest.approx(np.tile(np.repeat([0.1, -0.1], 10), 4)[:70])
     assert set(np.unique(at_once)) == {0.0, 0.5, 1.0}
 
 
 def test_a_thrown_body_has_no_commands():
-    allowed = Limits(np.array([1.0, 0.0, 2.0, 3.0]), np.array([1.0, 1.0, 2.0, 3.0]), 5, 0, 1)
+    allowed = Limits(np.array([1.0, 0.0, 2.0, 3.0]), np.array([1.0, 1.0, 2.0, 3.0]), 5, moved_by(0))
     ctrl, qpos, qvel = allowed.unpack(allowed.low)
     assert ctrl.shape == (5, 0) and qpos.tolist() == [2.0] and qvel.tolist() == [3.0]
+
+
+def test_a_free_body_is_thrown_from_an_orientation():
+    xml = "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>"
+    ends = np.r_[0.1, 0, np.zeros(3), -np.ones(4), np.zeros(6)], np.r_[1.0, 1, np.ones(3), np.ones(4), np.ones(6)]
+    allowed = Limits(*ends, 5, mujoco.MjModel.from_xml_string(xml))
+    for design in allowed.draw(np.random.default_rng(0), 5):
+        _, qpos, qvel = allowed.unpack(design)
+        assert np.linalg.norm(qpos[3:]) == pytest.approx(1.0)
+        assert qpos[:3].tolist() == design[2:5].tolist() and qvel.tolist() == design[9:].tolist()
 
 
 def test_a_step_that_meets_a_bound_is_asked_again():
@@ -286,10 +306,10 @@ def test_unknowns_that_the_recordings_leave_open_separate_nothing(rivals):
 
 
 def test_square_waves_stay_within_the_limits_and_random_experiments_have_none():
-    bounds = np.append(np.full(8, -1.0), [0.02, 0.0, 0.0]), np.append(np.full(8, 2.0), [1.0, 1.0, 1.0])
-    allowed, rng = Limits(*bounds, 64, 1, 0), np.random.default_rng(0)
+    bounds = np.append(np.full(8, -1.0), [0.02, 0, 0, 0, 0]), np.append(np.full(8, 2.0), [1.0, 1, 1, 0, 0])
+    allowed, rng = Limits(*bounds, 64, moved_by(1)), np.random.default_rng(0)
     flat = np.append(np.full(8, 0.5), [1.0, 0.5])
-    slow, quick = (allowed.unpack(np.append(flat, pace))[0][:, 0] for pace in (0.0, 1.0))
+    slow, quick = (allowed.unpack(np.append(flat, [pace, 0, 0]))[0][:, 0] for pace in (0.0, 1.0))
     assert slow == pytest.approx(np.repeat([1.25, -0.25], 32)) and np.abs(np.diff(quick)).sum() == 31 * 1.5
     waved = np.array([allowed.unpack(design)[0] for design in allowed.draw(rng, 20, waves=True)])
     assert waved.min() >= -1.0 and waved.max() <= 2.0

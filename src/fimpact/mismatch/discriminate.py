@@ -5,6 +5,7 @@ The experiment separates all pairs, within the commands and starts that the reco
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from cmaes import CMA
 
@@ -58,8 +59,12 @@ class Limits:
     low: np.ndarray
     high: np.ndarray
     samples: int
-    nu: int
-    nq: int
+    model: mujoco.MjModel
+
+    @property
+    def nu(self) -> int:
+        """Number of commands."""
+        return self.model.nu
 
     def unpack(self, design: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """ctrl (T, nu), qpos (nq,), qvel (nv,)."""
@@ -72,7 +77,9 @@ class Limits:
         cycles = max(self.samples / QUICKEST, 1.0) ** pace[0]
         wave = np.where(np.arange(self.samples) * cycles / self.samples % 1.0 < 0.5, 0.5, -0.5)
         waved = np.array(ctrl).reshape(self.nu, self.samples).T + wave[:, None] * shares * (high - low)
-        return np.clip(waved, low, high), start[: self.nq], start[self.nq :]
+        qpos, qvel = start[: self.model.nq].copy(), start[self.model.nq :]
+        mujoco.mj_normalizeQuat(self.model, qpos)  # between two orientations lies none
+        return np.clip(waved, low, high), qpos, qvel
 
     def draw(self, rng: np.random.Generator, count: int, waves: bool = False) -> np.ndarray:
         """Random designs, (count, d), without square waves or with them."""
@@ -97,7 +104,7 @@ def limits(bench: Bench, recording: Recording) -> Limits:
     low = np.concatenate([np.tile(ctrl.min(0), KNOTS), [ABRUPT], none, start.min(0)])
     high = np.concatenate([np.tile(ctrl.max(0), KNOTS), [1.0], all_, start.max(0)])
     samples = max(len(run.measured) for run in recording.training)
-    return Limits(low, high, samples, ctrl.shape[1], problem.simulator.base.nq)
+    return Limits(low, high, samples, problem.simulator.base)
 
 
 def discriminate(bench: Bench, recording: Recording, members: list[Explanation], seed: int = 0) -> Experiment:
