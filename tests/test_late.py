@@ -111,9 +111,9 @@ def test_what_damps_out_fast_has_no_past(ctrl):
 
 
 def test_the_past_is_found_once_for_all_channels_and_never_in_vain(arm, monkeypatch):
-    parts, asked, stepper = cut(arm.recording.runs, LENGTH), [], arm._stepper
+    parts, asked, stepper = cut(arm.recording.runs, LENGTH), [], arm.late._stepper
     states = np.full((len(parts.runs), 2), 0.1), np.full((len(parts.runs), 2), 0.5)
-    monkeypatch.setattr(arm, "_stepper", lambda *a: asked.append(1) or stepper(*a))
+    monkeypatch.setattr(arm.late, "_stepper", lambda *a: asked.append(1) or stepper(*a))
 
     def read(*late: Placed) -> np.ndarray:
         return arm.predict(Hypothesis(np.zeros(0), late), parts, *states)
@@ -134,6 +134,6 @@ def test_a_delay_may_pass_a_whole_number_of_samples(arm):
     delays = np.array([0.0, 1e-9, 5 * PERIOD - 1e-9, 5 * PERIOD, 5 * PERIOD + 1e-9])
     late = [Hypothesis(np.zeros(0), (placed("sensor_delay", "all", delay=delay),)) for delay in delays]
     read = [arm.predict(hypothesis, parts, *states) for hypothesis in late]
-    assert arm.reach(late[2], parts)[0] < arm.reach(late[4], parts)[0]
+    assert arm.late.reach(late[2], parts)[0] < arm.late.reach(late[4], parts)[0]
     for one, other in ((0, 1), (2, 3), (3, 4)):
         np.testing.assert_allclose(read[one], read[other], atol=1e-7)

@@ -31,10 +31,11 @@ from fimpact.mismatch.resolve import resolve
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, score, screen
 from fimpact.mismatch.settle import restarted, settled
-from fimpact.mismatch.simulate import Hypothesis, Simulator, can_hold, may_stick
+from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import local_fit, noise_level
 from fimpact.mismatch.step import Search, Step, _rivals
 from fimpact.mismatch.tame import WILD
+from fimpact.mismatch.touch import can_hold, may_stick
 from fimpact.mismatch.weigh import both
 from fimpact.mismatch.windows import Windows, cut
 from fimpact.recordings import Unknown

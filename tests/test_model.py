@@ -10,7 +10,7 @@ import pytest
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch import model
+from fimpact.mismatch import export, model
 from fimpact.mismatch.coordinates import NOTHING, coordinates
 from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import explain
@@ -105,9 +105,9 @@ def named(made, *placed: Placed) -> SimpleNamespace:
 
 def exported(diagnosis, folder, monkeypatch):
     """The files' own functions, and their model."""
-    monkeypatch.setattr(model, "in_words", lambda *_: "found")
-    model._write(diagnosis, folder, None, 0)
-    scene = model._player(diagnosis, folder)
+    monkeypatch.setattr(export, "in_words", lambda *_: "found")
+    export.write_files(diagnosis, folder, None, 0)
+    scene = export.player_of(diagnosis, folder)
     return scene, scene.load(folder / "improved.xml")
 
 
@@ -136,7 +136,7 @@ def test_exported_laws_are_ours_step_by_step(rubbing, tmp_path, monkeypatch, nam
     placed, windows = Placed(effect, site, values), made.held_out.windows
     theirs, ours = both(named(made, placed), tmp_path, monkeypatch)
     # What was before the start of a simulation, a file does not know.
-    before, after = simulator.reach(Hypothesis(simulator.theta, (placed,)), windows)
+    before, after = simulator.late.reach(Hypothesis(simulator.theta, (placed,)), windows)
     own = slice(before, windows.length - after)
     np.testing.assert_allclose(theirs[:, own], ours[:, own], atol=1e-9)
 
@@ -158,7 +158,7 @@ def test_effects_are_exported_together_as_they_were_fitted(rubbing, tmp_path, mo
 
 
 def test_a_lag_alone_is_native(rubbing):
-    spec = model.improved_model(named(bench(rubbing), LAG))
+    spec = export.improved_model(named(bench(rubbing), LAG))
     assert spec.compile().actuator_dyntype[0] == mujoco.mjtDyn.mjDYN_FILTEREXACT
 
 
@@ -186,7 +186,7 @@ def test_a_mass_that_is_exported_leaves_servos_and_springs_as_they_were_fitted()
     recording = Recording(SERVO, ".", PERIOD, ("angle",), (run,), (), np.ones(1), np.full(4, np.inf), 0.0)
     simulator, payload = Simulator(recording), Placed(EFFECTS["payload"], "tip", {"mass": 0.3, "place": 0.2})
     made = SimpleNamespace(training=SimpleNamespace(simulator=simulator))
-    written = model.improved_model(named(made, payload)).compile()
+    written = export.improved_model(named(made, payload)).compile()
     ours = simulator.model(Hypothesis(np.zeros(0), (payload,)))
     assert ours.body("tip").mass[0] == pytest.approx(0.4) and ours.jnt_stiffness[1] > 0
     for field in ("body_mass", "jnt_stiffness", "dof_damping", "actuator_gainprm", "actuator_biasprm"):

@@ -17,8 +17,8 @@ from fimpact.effects.base import words
 from fimpact.experiment import COMMANDS, START, commands, described, write_experiment
 from fimpact.mismatch.diagnose import Diagnosis, parameter_rows
 from fimpact.mismatch.discriminate import Experiment
+from fimpact.mismatch.export import CALLBACK, XML
 from fimpact.mismatch.mjcf import ASSETS
-from fimpact.mismatch.model import CALLBACK, XML
 from fimpact.report_contents import DATA, FIGURES, contents, to_text
 from fimpact.report_figures import pictures, shown_run
 from fimpact.report_look import draw, inline, store

@@ -14,7 +14,8 @@ import numpy as np
 from fimpact.film import draw_film
 from fimpact.mismatch.diagnose import Diagnosis, to_json
 from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.model import XML, write_model
+from fimpact.mismatch.export import XML
+from fimpact.mismatch.model import write_model
 from fimpact.mismatch.per_run import error_per_run, floor_per_run, unit_of
 from fimpact.mismatch.shape import shapes
 from fimpact.report_numbers import short

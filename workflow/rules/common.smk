@@ -37,8 +37,8 @@ EFFECTS = (
     "structure transmission"
 )
 CORE = (
-    "__init__ acting bounded colour commands coordinates evidence explain fit judge leap past player price problem "
-    "pulses scales score settle simulate starts steady tangent windows"
+    "__init__ acting bounded colour commands coordinates evidence explain fit judge late leap past player price problem "
+    "pulses scales score settle simulate starts steady tangent touch windows"
 ).split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = [
@@ -53,7 +53,7 @@ LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for
 NAMING = [
     f"mismatch/{name}"
     for name in (
-        "accept calibrate callback curves diagnose locate merge mjcf model name nameless naming pairs pooled step tame weigh"
+        "accept calibrate callback curves diagnose export locate merge mjcf model name nameless naming pairs pooled step tame weigh"
     ).split()
 ]
 OTHERS = ["knobs", "peers", "mismatch/blackbox", "mismatch/locate"]

@@ -14,7 +14,7 @@ from fimpact.mismatch.coordinates import Coordinates
 from fimpact.mismatch.leap import leaped
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.settle import DAMPING, FAILED, FIRST, better, moved, restarted, settled
-from fimpact.mismatch.simulate import can_touch
+from fimpact.mismatch.touch import can_touch
 
 SETTLED, RELATIVE = 0.05, 2e-6  # log-likelihood, or share of the cost: less predicted gain changes no conclusion
 ROUGH = 2e-4  # the same as a share of what is beyond noise, which other things than parameters make

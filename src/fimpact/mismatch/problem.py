@@ -12,8 +12,9 @@ import mujoco
 import numpy as np
 
 from fimpact.mismatch.coordinates import Coordinates
-from fimpact.mismatch.simulate import DIVERGED, Hypothesis, Simulator, can_touch
+from fimpact.mismatch.simulate import DIVERGED, Hypothesis, Simulator
 from fimpact.mismatch.steady import Slope, together
+from fimpact.mismatch.touch import can_touch
 from fimpact.mismatch.windows import Windows
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from fimpact.mismatch.commands import DIRECT
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.scales import scales
-from fimpact.mismatch.simulate import can_touch
 from fimpact.mismatch.tangent import has_tangent, tangent
+from fimpact.mismatch.touch import can_touch
 from fimpact.mismatch.windows import Windows
 
 BINS = 8  # pieces of a window in which the force is constant

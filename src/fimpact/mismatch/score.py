@@ -15,9 +15,10 @@ import numpy as np
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Problem
-from fimpact.mismatch.simulate import Hypothesis, can_touch
+from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.steady import steadied
 from fimpact.mismatch.tangent import Tangent, has_tangent, tangent
+from fimpact.mismatch.touch import can_touch
 
 SMALL = 1e-2  # share of its probe at which a linear effect is tried: in contact no tangent holds for all of it
 INVISIBLE = 1e-3  # standard deviations: a probe that shows less, all samples together, is not a candidate

@@ -6,7 +6,8 @@ import numpy as np
 
 from fimpact.mismatch.coordinates import Coordinates
 from fimpact.mismatch.problem import Linear, Point, Problem, difference, shift
-from fimpact.mismatch.simulate import DIVERGED, Hypothesis, may_stick
+from fimpact.mismatch.simulate import DIVERGED, Hypothesis
+from fimpact.mismatch.touch import may_stick
 
 DAMPING, FIRST, FAILED = (1e-9, 1e6), 1e-4, 1e-3  # its range, at the start, and at least after a step that failed
 THOUSANDTH = 1e-3

@@ -6,7 +6,7 @@ step for all of them. A secant of that is the sensitivity to anything, through c
 
 import copy
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import mujoco
@@ -17,7 +17,8 @@ from fimpact.effects.base import Placed, State
 from fimpact.effects.native import editable
 from fimpact.mismatch.acting import OWN, Acting
 from fimpact.mismatch.commands import Commands
-from fimpact.mismatch.past import Step, backward, continued, reach
+from fimpact.mismatch.late import Late, motion_key
+from fimpact.mismatch.touch import can_hold
 from fimpact.mismatch.windows import Windows
 from fimpact.recordings import FIELDS, Recording
 
@@ -26,7 +27,6 @@ LAWS = ("force", "friction", "gear")  # what is asked once per step
 # A trial that diverges is an infinite cost, and no news: numpy need not warn of it.
 DIVERGED = np.errstate(over="ignore", invalid="ignore")
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-LOOSE = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)  # what has impacts
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Simulator:
         self._scratch = mujoco.MjData(self.base)
         self._last: tuple = ()
         self._sensed: tuple = (None, None, None)
-        self._known: tuple = (None, None, None)
+        self.late = Late(self)
 
     @cached_property
     def theta(self) -> np.ndarray:
@@ -126,45 +126,17 @@ class Simulator:
         # What is read at another time is read between steps, not samples; but what may jump with a command, at samples.
         every = 1 if read and not self.base.nu else self.substeps
         last, pieces = (windows.length - 1) * self.substeps + 1, self.substeps // every
-        before, after = self.reach(hypothesis, windows)
+        before, after = self.late.reach(hypothesis, windows)
         last += after * self.substeps
         measured = self._sense(hypothesis, windows, qpos, qvel, push, after)[:, :last:every, self.columns]
         if read:
             signal = self.commands.signal(windows, measured.shape[1], self.recording.period / pieces)
         if before or after:
-            past = self._past(hypothesis, windows, qpos, qvel, before) if before else None
-            measured, signal = self._extended(windows, measured, past, before, after, every)
+            past = self.late.past(hypothesis, windows, qpos, qvel, before) if before else None
+            measured, signal = self.late.extended(windows, measured, past, before, after, every)
         for placed in read:
             measured = placed.effect.law(measured, signal, placed.site, **placed.values)
         return measured[:, before * pieces :: pieces][:, : windows.length]
-
-    def reach(self, hypothesis, windows: Windows) -> tuple[int, int]:
-        """Samples before and after `windows` on which readings in them depend."""
-        read, period = [p for p in hypothesis.placed if p.effect.when], self.recording.period
-        if not read:
-            return 0, 0
-        before, after = reach(read, self.commands.signal(windows, windows.length, period), windows, period)
-        return 0 if self.base.na else before, after  # what actuators have stored at a window's start is a guess
-
-    def _extended(self, windows: Windows, measured, past, before: int, after: int, every: int):
-        """Readings from `before` samples before to `after` samples after the windows, every so many steps, and their
-        signal.
-
-        Args:
-            measured: from the windows' starts on. past: what `_past` found; None: nothing was asked.
-        """
-        pieces, period = self.substeps // every, self.recording.period
-        inside = measured.shape[1] - after * pieces
-        ahead = np.arange(after * pieces) < windows.left[:, None] * pieces
-        ends = measured[:, inside - 2 : inside][:, ::-1]
-        parts = [measured[:, :inside], continued(ends, measured[:, inside:], ahead * 1.0)]
-        if past:
-            sensed, share = (part[:, every - 1 : before * self.substeps : every] for part in past)
-            parts.insert(0, continued(measured[:, :2], sensed, share)[:, ::-1])
-        measured = np.concatenate(parts, 1)
-        earlier = replace(windows, first=windows.first - before)
-        signal = self.commands.signal(earlier, measured.shape[1], period / pieces)
-        return measured, replace(signal, since=windows.first[:, None] * period)
 
     def motion(self, hypothesis, windows: Windows, qpos, qvel) -> tuple[np.ndarray, np.ndarray]:
         """qpos (w, n, nq) and qvel (w, n, nv) after each of the n simulation steps, force laws left out."""
@@ -177,11 +149,11 @@ class Simulator:
     def _sense(self, hypothesis, windows: Windows, qpos, qvel, push: np.ndarray | None, after: int = 0) -> np.ndarray:
         """All sensors after each step, (w, n, sensors), of the windows and `after` samples more; those of the last call
         where it was the same motion, for often only what is measured of it differs, or nothing."""
-        key, alone = _motion_key(hypothesis, windows, qpos, qvel), push is None
+        key, alone = motion_key(hypothesis, windows, qpos, qvel), push is None
         within, steps = (samples * self.substeps for samples in (windows.length, windows.length + after))
         if alone and self._sensed[0] == key and self._sensed[1] is windows.ctrl and self._sensed[2].shape[1] >= steps:
             return self._sensed[2][:, :steps]
-        model, copies, laws = self._acted(hypothesis, len(qpos))
+        model, copies, laws = self.acted(hypothesis, len(qpos))
         signal = self.commands.signal(windows, steps)
         ctrl, instant = self.commands.given(hypothesis.placed, windows, signal)
         push = np.zeros((1, 1, model.nv)) if alone else push
@@ -193,51 +165,10 @@ class Simulator:
             self._sensed = key, windows.ctrl, sensed
         return sensed
 
-    def _acted(self, hypothesis, count: int) -> tuple[mujoco.MjModel, list[mujoco.MjModel], list[Placed]]:
+    def acted(self, hypothesis, count: int) -> tuple[mujoco.MjModel, list[mujoco.MjModel], list[Placed]]:
         """The model of `count` windows, a copy for each if laws change its fields, and the laws asked in each step."""
         own = count * any(placed.effect.enters in OWN for placed in hypothesis.placed)
         return *self._models(hypothesis, own), [p for p in hypothesis.placed if p.effect.enters in LAWS]
-
-    def _past(self, hypothesis, windows: Windows, qpos, qvel, samples: int) -> tuple[np.ndarray, np.ndarray]:
-        """Channels in each of n steps before the windows, nearest first, (w, n, ny), in `samples` or more, and how far
-        that is to be believed, (w, n); those of the last call where it was the same motion."""
-        key, steps = _motion_key(hypothesis, windows, qpos, qvel), samples * self.substeps
-        if self._known[0] == key and self._known[1] is windows.ctrl and self._known[2][1].shape[1] >= steps:
-            return self._known[2]
-        rows = np.flatnonzero(windows.first > 0)
-        sensed, share = np.zeros((len(qpos), steps, len(self.columns))), np.zeros((len(qpos), steps))
-        step, checked = self._stepper(hypothesis, windows.part(rows), samples)
-        states = np.concatenate([qpos, qvel], 1)[rows]
-        sensed[rows], share[rows] = backward(self.base, step, states, steps, checked)
-        share *= np.arange(steps) < windows.first[:, None] * self.substeps
-        self._known = key, windows.ctrl, (sensed, share)
-        return self._known[2]
-
-    def _stepper(self, hypothesis, windows: Windows, samples: int) -> tuple[Step, bool]:
-        """A single step of all windows, as `backward` takes it, in the `samples` before them, and whether it must check
-        what it found. A law sees the middle of the step, and remembers what it does at the start of a window."""
-        model, copies, laws = self._acted(hypothesis, len(windows.first))
-        earlier, n = replace(windows, first=windows.first - samples), samples * self.substeps
-        signal = self.commands.signal(earlier, n)
-        ctrl, instant = self.commands.given(hypothesis.placed, earlier, signal)
-        models, acting = copies or [model] * len(ctrl), Acting(model, copies, laws)
-        flags, none = model.opt.disableflags, np.zeros((len(ctrl), model.nv))
-        fresh, zero = {"kinematics": mujoco.MjData(model)} if laws else {}, np.zeros((len(ctrl), 1))
-
-        def step(k: int, state, end, loose: bool) -> tuple[np.ndarray, np.ndarray]:
-            for own in copies or [model]:
-                own.opt.disableflags = flags | (LOOSE if loose else 0)
-            at, memory = n - 1 - k, dict(fresh)
-            now, ahead = (np.concatenate([zero, own], 1) for own in (state, (state + end) / 2))
-            seen = [self._seen(model, own, ctrl[:, at], signal.time[:, at], memory) for own in (now, ahead)]
-            told = ctrl[:, at], None if instant is None else instant[:, at], none
-            after, sensed = np.empty((len(now), 1, now.shape[1])), np.empty((len(now), 1, model.nsensordata))
-            self._step(models, acting, now, seen, told, at % self.substeps == 0, after, sensed)
-            for own in copies or [model]:
-                own.opt.disableflags = flags
-            return after[:, 0, 1:], sensed[:, 0, self.columns]
-
-        return step, can_touch(model) or bool(model.jnt_limited.any() or model.tendon_limited.any())
 
     def passed(self, hypothesis, windows: Windows, qpos, qvel) -> tuple[list[State], np.ndarray, np.ndarray]:
         """What a force law would see in each of n simulation steps, had it no effect, and qpos (w, n, nq) and qvel
@@ -277,13 +208,13 @@ class Simulator:
         for k in range(steps):
             # Half a step ahead, so that holding the force over the step is accurate to second order.
             ahead = state + (state - before) / 2
-            seen = [self._seen(model, own, ctrl[:, k], signal.time[:, k], memory) for own in (state, ahead)]
+            seen = [self.seen(model, own, ctrl[:, k], signal.time[:, k], memory) for own in (state, ahead)]
             told = ctrl[:, k], None if instant is None else instant[:, k], force[:, k]
-            self._step(models, acting, state, seen, told, k % self.substeps == 0, after, sensed[k])
+            self.advance(models, acting, state, seen, told, k % self.substeps == 0, after, sensed[k])
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].transpose(1, 0, 2)
 
-    def _step(self, models, acting: Acting, state, seen, told, reads: bool, after, sensed) -> None:
+    def advance(self, models, acting: Acting, state, seen, told, reads: bool, after, sensed) -> None:
         """One step of all windows, into `after` and `sensed`, (w, 1, n) each.
 
         Args:
@@ -302,38 +233,14 @@ class Simulator:
         acting.read(sensed[:, 0])
 
     @staticmethod
-    def _seen(model, state, ctrl, time, memory) -> State:
+    def seen(model, state, ctrl, time, memory) -> State:
+        """What laws see of `state`, (w, 1 + nq + nv), as MuJoCo packs it."""
         qpos, qvel = state[:, 1 : 1 + model.nq], state[:, 1 + model.nq : 1 + model.nq + model.nv]
         return State(model, qpos, qvel, ctrl, time, model.opt.timestep, memory)
 
     def _pack(self, qpos, qvel) -> np.ndarray:
         rest = np.zeros((len(qpos), self.base.na))
         return np.concatenate([np.zeros((len(qpos), 1)), qpos, qvel, rest], 1)
-
-
-def _motion_key(hypothesis: Hypothesis, windows: Windows, qpos, qvel) -> tuple:
-    """What tells one motion of windows from another, how it is measured left out."""
-    moving = [(p.name, sorted(p.values.items())) for p in hypothesis.placed if p.effect.enters != "measurement"]
-    states = [part.tobytes() for part in (windows.runs, windows.first, qpos, qvel)]
-    return hypothesis.theta.tobytes(), repr(moving), *states
-
-
-def can_touch(model: mujoco.MjModel) -> bool:
-    """Whether anything in it may come into contact."""
-    return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
-
-
-def can_hold(model: mujoco.MjModel) -> bool:
-    """Whether anything in it may be held or rubbed: by contact, limits, equalities or dry friction."""
-    limited = model.jnt_limited.any() or model.tendon_limited.any()
-    rubbed = model.dof_frictionloss.any() or model.tendon_frictionloss.any()
-    return bool(can_touch(model) or model.neq or limited or rubbed)
-
-
-def may_stick(model: mujoco.MjModel, hypothesis: Hypothesis) -> bool:
-    """Whether anything in it may be held or rubbed under `hypothesis`, whose effects may be dry friction."""
-    dry = (p.effect.enters == "friction" or "coulomb" in (p.effect.name, *p.effect.contains) for p in hypothesis.placed)
-    return can_hold(model) or any(dry)
 
 
 def _sensor_column(model: mujoco.MjModel, channel: str) -> int:

@@ -14,7 +14,7 @@ from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.leap import leaped
 from fimpact.mismatch.problem import Point, Problem
 from fimpact.mismatch.settle import restarted, settled
-from fimpact.mismatch.simulate import can_touch
+from fimpact.mismatch.touch import can_touch
 
 WILD = 5.0  # dispersion that no disturbance has which is alike in all windows
 PASSES = 2  # of a fit, and how loud each window is under it
