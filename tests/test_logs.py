@@ -185,7 +185,7 @@ def test_a_case_finds_the_files_of_the_one_that_it_extends(tmp_path):
 
 TELLING = {
     "a text after a blank": ({"q1": lambda q: [None, "ERR", *q[2:]]}, {}, "holds the text 'ERR'"),
-    "whole seconds": ({"t": np.floor}, {}, "fraction of a second, which may be in another column"),
+    "whole seconds": ({"t": np.floor}, {}, "fraction of a second as `time.fraction`"),
     "a row of the file": ({"q1": lambda q: [None] * 40 + [*q[40:60], np.nan, *q[61:]]}, {}, "in row 60"),
     "a column with blanks": (
         {"date": lambda _: [None, *["x"] * 750]},
@@ -253,6 +253,20 @@ def test_init_leaves_open_what_depends_on_the_unit_of_time(tmp_path, capsys):
     case, said = first(tmp_path, {"time": motion(1)["t"], "q[0]": motion(1)["q1"], "q[1]": motion(1)["q2"]}, capsys)
     assert case["runs"][0]["stop"] == "?" and "about 70 % of it" in said
     assert [one["joint"] for one in case["measurements"].values()] == ["shoulder", "elbow"]
+
+
+def test_seconds_and_their_fraction_are_one_time(tmp_path, capsys):
+    stamps = np.round(1.7e18 + 1e9 * motion(1)["t"]).astype(np.int64)
+    stamped = {"header.stamp.sec": stamps // 10**9, "header.stamp.nanosec": stamps % 10**9}
+    case, said = first(tmp_path, stamped | {"shoulder_rad": motion(1)["q1"], "elbow_rad": motion(1)["q2"]}, capsys)
+    assert case["time"]["fraction"] == {"column": "header.stamp.nanosec", "unit": "ns"}
+    assert "time" not in said and "stamp" not in said
+    path = write_case(tmp_path, altered(time=case["time"]))
+    for name, seed in (("a.csv", 1), ("b.csv", 2)):
+        write_csv(tmp_path / name, stamped | motion(seed))
+    read = read_case(path)
+    assert read.period == 0.004
+    np.testing.assert_allclose(read.runs[0].measured[:, 0], motion(1)["q1"], atol=1e-5)
 
 
 def test_init_says_that_numbers_need_points(tmp_path, capsys):

@@ -63,8 +63,11 @@ def _root(case: dict, path: Path, data_root: str | Path | None) -> Path:
 
 def _sampled(case: dict, naive: Naive, root: Path):
     time = case["time"]
-    if ("rate" in time) == ("column" in time):
-        raise CaseError(f"time has {' and '.join(sorted(time)) or 'nothing'}; allowed: column and unit, or rate (Hz)")
+    if ("rate" in time) == ("column" in time) or {"rate", "fraction"} <= set(time):
+        raise CaseError(
+            f"time has {' and '.join(sorted(time)) or 'nothing'}; allowed: column and unit, and a fraction where there "
+            "is one, or rate (Hz)"
+        )
     if "column" in time and "unit" not in time:
         raise CaseError("time.unit is missing; declare the unit of the time column, such as s, ms or ns")
     unit = factor(time.get("unit", "s"), "s", "time")

@@ -1,5 +1,6 @@
 """A first case from an MJCF and a log: column names matched to joints, actuators and sensors by their words."""
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -58,9 +59,10 @@ def first_case(model: Path, log: Path, out: Path) -> First:
     """
     naive, table = read_model(model), [c for c in read_table(log) if c.values.dtype.kind == "f" and len(c.values) > 1]
     time = next((column for column in table if words(column.name) & TIMES), None)
+    rest = time and next((column for column in table if column.name in _rests(time.name)), None)
     first = First({"model": _relative(model, out), "runs": []})
-    first.case["time"] = _time(time, first)
-    _match(naive, [column for column in table if column is not time], first)
+    first.case["time"] = _time(time, rest, first)
+    _match(naive, [column for column in table if column is not time and column is not rest], first)
     if not first.case.get("measurements"):
         names = ", ".join(column.name for column in table) or f"none with numbers{_texts(log)}"
         raise CaseError(f"no column of {log} names a joint or sensor of {model}; its columns: {names}; rename them")
@@ -85,10 +87,18 @@ def _relative(path: Path, out: Path) -> str:
         return path.resolve().as_posix()
 
 
-def _time(time: Column | None, first: First) -> dict:
+def _rests(name: str) -> list[str]:
+    """Names that the column of fractions has beside one of whole seconds, in ROS 2 and 1."""
+    stem, whole = re.fullmatch("(.*?)(secs?|)", name).groups()
+    return [stem + rest for rest in ("nanosec", "nsecs")] if whole else []
+
+
+def _time(time: Column | None, rest: Column | None, first: First) -> dict:
     if time is None:
         first.open.append("time: no column looks like a time; give its column and unit, or `rate:` in Hz")
         return {"column": OPEN, "unit": OPEN}
+    if rest:
+        return {"column": time.name, "unit": "s", "fraction": {"column": rest.name, "unit": "ns"}}
     if len(np.unique(time.values)) < len(time.values):
         first.open.append(f"time: '{time.name}' repeats itself; the fraction of a second may be in another column")
     found = unit(time.name)

@@ -12,6 +12,7 @@ from fimpact.cases.quaternions import one_sign, whole
 from fimpact.cases.readers import Column
 from fimpact.cases.sources import Source, find, is_number
 from fimpact.cases.timebase import GAP, HELD, Series, checked_time, held, noise_factor, on_grid, stretches
+from fimpact.cases.units import factor
 
 FEWEST = 8  # samples of a run
 
@@ -109,12 +110,24 @@ class _Reader:
         name = self.time.get("column") if own is None else own
         if name is None:
             return np.arange(len(column.values)) / self.time["rate"]
-        times = find(self.source.table, name, f"{here}, time", column.group)
-        if times.values.dtype.kind != "f":
-            raise CaseError(f"{here}: its time '{times.name}' is text; allowed: numbers or ISO dates; correct `time`")
+        times = self._clock(name, column.group, here)
         if times.clock and self.unit != 1.0:
             raise CaseError(f"{here}: its time '{times.name}' holds dates, which count as s; write `unit: s`")
-        return times.values * self.unit
+        if own is not None or "fraction" not in self.time:
+            return times.values * self.unit
+        fraction = self.time["fraction"]
+        rest = self._clock(fraction["column"], times.group, here)
+        if len(rest.values) != len(times.values):
+            raise CaseError(
+                f"{here}: `time.fraction` has {len(rest.values)} values, time {len(times.values)}; correct it"
+            )
+        return times.values * self.unit + rest.values * factor(fraction["unit"], "s", "time.fraction")
+
+    def _clock(self, name: str | int, group: str, here: str) -> Column:
+        times = find(self.source.table, name, f"{here}, time", group)
+        if times.values.dtype.kind != "f":
+            raise CaseError(f"{here}: its time '{times.name}' is text; allowed: numbers or ISO dates; correct `time`")
+        return times
 
 
 def _not_mostly_gaps(series: Series, here: str) -> Series:

@@ -53,7 +53,7 @@ def checked_time(time: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
         raise CaseError(
             f"{where}: time is {kind}: {time[at]:.15g} s is followed by {time[at + 1]:.15g} s in row {rows[at + 1]} "
             f"({late.size} such rows); it must increase; "
-            + ("add the fraction of a second, which may be in another column, or " if whole else "")
+            + ("name the column with the fraction of a second as `time.fraction`, or " if whole else "")
             + "remove these rows, or `split` the file into runs"
         )
     return time
