@@ -10,7 +10,8 @@ from fimpact.concealed import at_joints
 from fimpact.concealed.rigs import rig_of
 from fimpact.concealed.world import compiled, new_world
 from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed
+from fimpact.effects.base import Placed, State
+from fimpact.effects.drives import servo_force
 from fimpact.effects.gears import Shaft, elastic, loose
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.windows import cut
@@ -51,9 +52,9 @@ def measured(xml, refine=1, placed=(), joints=1):
     return simulator.predict(Hypothesis(np.zeros(0), placed), windows, *np.zeros((2, 1, joints)))[0]
 
 
-def behind(name, values):
+def behind(name, values, xml=XML):
     """The same mechanism with a joint between motor and link, as the benchmark plants it."""
-    world = SimpleNamespace(spec=mujoco.MjSpec.from_string(XML), shafts=[])
+    world = SimpleNamespace(spec=mujoco.MjSpec.from_string(xml), shafts=[])
     planted = {key: value for key, value in values.items() if key != "retardation"}
     getattr(at_joints, name)(world, "hinge", **planted)
     return world.spec.to_xml()
@@ -74,6 +75,34 @@ def test_a_gear_does_what_a_joint_behind_the_motor_does(name, values, left):
     found = measured(XML, 16, (Placed(EFFECTS[name], "hinge", values),))
     error, missing = (np.sqrt(((nature - other)[5:] ** 2).mean(0)) for other in (found, rigid))
     assert (error < left * missing).all(), error / missing
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "left"),
+    [
+        ("joint_elasticity", {"compliance": 0.02, "retardation": 2e-3}, [0.05, 0.01, 0.01]),
+        ("backlash", {"gap": 0.1}, [0.2, 0.4, np.inf]),
+    ],
+)
+@pytest.mark.parametrize(("kp", "kv"), [(8, 0.1), (40, 0.3)])
+def test_a_servo_holds_its_motor_and_not_the_link(kp, kv, name, values, left):
+    servo = XML.replace("<motor ", f'<position kp="{kp}" kv="{kv}" ')
+    nature, rigid = measured(behind(name, values, servo), 40, joints=2), measured(servo, 40)
+    found = measured(servo, 16, (Placed(EFFECTS[name], "hinge", values),))
+    error, missing = (np.sqrt(((nature - other)[5:] ** 2).mean(0)) for other in (found, rigid))
+    assert (error < left * missing).all(), error / missing
+
+
+def test_a_servo_that_is_saturated_no_longer_looks():
+    """Beyond its limit, what it gives does not depend on where its motor is."""
+    model = mujoco.MjModel.from_xml_string(XML.replace("<motor ", '<position kp="40" kv="0.3" forcerange="-1 1" '))
+    ctrl = np.array([[0.01], [1.0]])
+    state = State(model, np.zeros((2, 1)), np.zeros((2, 1)), ctrl, np.zeros(2), PERIOD)
+    lead, rate = np.full((2, 2), 0.01)
+    force, stiffness, damping = servo_force(state, "hinge", lead, rate)
+    np.testing.assert_allclose(force, [40 * (0.01 - 0.01) - 0.3 * 0.01, 1.0], atol=1e-12)
+    np.testing.assert_allclose(stiffness, [40, 0], rtol=1e-6)
+    np.testing.assert_allclose(damping, [0.3, 0], rtol=1e-6)
 
 
 @pytest.mark.parametrize(

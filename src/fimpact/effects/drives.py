@@ -8,6 +8,8 @@ import numpy as np
 from fimpact.effects.base import State
 from fimpact.effects.sites import drives
 
+NUDGE = 1e-6  # rad or m, and their rates: what a servo's force is told apart by
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -26,19 +28,37 @@ class Drive:
 
 @dataclass(frozen=True)
 class Motor:
-    """All that drives a joint: its actuators, whether they hold the gravity of bodies (actuatorgravcomp), and the
-    limits of what they give together (actuatorfrcrange)."""
+    """All that drives a joint: its actuators, whether they hold the gravity of bodies (actuatorgravcomp), the limits of
+    what they give together (actuatorfrcrange), and whether that depends on where they are."""
 
     actuators: list[Drive]
     holds: bool
     low: float
     high: float
+    looks: bool
 
 
 def motor_force(state: State, site: str) -> np.ndarray:
     """Force, (n,), of the actuators on joint `site` as they leave the gear, N or N m."""
+    return _ahead(state, site, 0.0, 0.0)
+
+
+def looks(state: State, site: str) -> bool:
+    """Whether the force of a motor on joint `site` depends on where it is or how fast it turns, as a servo's does."""
+    return _motor(state, site).looks
+
+
+def servo_force(state: State, site: str, lead: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The force where the motor is ahead of joint `site` by `lead` (n,), rad or m, and runs away from it at `rate`
+    (n,), and by how much less it is for each unit more of the one and of the other, (n,) each."""
+    here, further, faster = (_ahead(state, site, lead + a, rate + b) for a, b in ((0, 0), (NUDGE, 0), (0, NUDGE)))
+    return here, np.maximum(here - further, 0.0) / NUDGE, np.maximum(here - faster, 0.0) / NUDGE
+
+
+def _ahead(state: State, site: str, lead, rate) -> np.ndarray:
     total, motor = np.zeros(len(state.qpos)), _motor(state, site)
     dof, position, speed = state.joint(site)
+    position, speed = position + lead, speed + rate
     for drive in motor.actuators:
         command = np.clip(state.ctrl[:, drive.index], drive.least, drive.most)
         force = _at(drive.gain, drive, position, speed) * command
@@ -80,10 +100,11 @@ def _motor(state: State, site: str) -> Motor:
 def _asked(model: mujoco.MjModel, site: str) -> Motor:
     joint = model.joint(site).id
     if not model.nu or model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
-        return Motor([], False, -np.inf, np.inf)
+        return Motor([], False, -np.inf, np.inf, False)
     low, high = model.jnt_actfrcrange[joint] if model.jnt_actfrclimited[joint] else (-np.inf, np.inf)
     acting = [_drive(model, i) for i in drives(model, site) if not _off(model, i)]
-    return Motor(acting, bool(model.jnt_actgravcomp[joint]), float(low), float(high))
+    own = any(np.any(np.atleast_1d(factor)[1:]) for drive in acting for factor in (drive.gain, drive.bias))
+    return Motor(acting, bool(model.jnt_actgravcomp[joint]), float(low), float(high), own)
 
 
 def _off(model: mujoco.MjModel, i: int) -> bool:

@@ -3,16 +3,18 @@
 What the joint's coordinate moves is the link. A rotor that turns ahead of it by the lead d obeys
 I (d'' + a) = τ_motor − τ_gear, with a the link's acceleration, and is carried through each time step exactly, a taken
 as constant. As a is not known before the step, the gear is given to it as a force and as an inertia in the place of
-the joint's armature: what of the rotor the link feels within one step.
+the joint's armature: what of the rotor the link feels within one step. A servo looks where its motor is and not where
+the link is: on the rotor it is a further spring and damper.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from fimpact.effects.base import State
-from fimpact.effects.drives import motor_force
+from fimpact.effects.drives import looks, motor_force, servo_force
 
 PARTS = 4  # of a step, in each of which a rotor is either loose or at one end of its play
 
@@ -23,6 +25,7 @@ class Shaft:
 
     torque (n,): the motor's over the step, N m or N. speed (n,): the link's. rotor: inertia on the motor's side, the
     joint's `armature`, kg m^2 or kg. step: s. memory: what a gear law keeps, empty at the start of a window.
+    servo: of (lead, rate), (n,) each, what the motor gives where it really is (`drives.servo_force`); None: `torque`.
     """
 
     torque: np.ndarray
@@ -30,6 +33,28 @@ class Shaft:
     rotor: float
     step: float
     memory: dict
+    servo: Callable | None = None
+
+    def motor(self, lead: np.ndarray, rate: np.ndarray) -> "Motor":
+        """The motor's force around a lead and its rate."""
+        none = np.zeros_like(self.torque)
+        if self.servo is None:
+            return Motor(self.torque, none, none)
+        here, stiffness, damping = self.servo(lead, rate)
+        return Motor(here + stiffness * lead + damping * rate, stiffness, damping)
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor's force at lead d, base − stiffness d − damping ḋ, (n,) each."""
+
+    base: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+    def at(self, lead: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Its force there."""
+        return self.base - self.stiffness * lead - self.damping * rate
 
 
 @dataclass(frozen=True)
@@ -51,8 +76,8 @@ def coupled(model: mujoco.MjModel, state: State, law, site: str, values: dict[st
     dof, _, speed = state.joint(site)
     # As it was at first: while a step lasts, what the link feels stands there.
     rotor = memory.setdefault("rotor", float(model.dof_armature[dof]))
-    shaft = Shaft(motor_force(state, site), speed, rotor, state.step, memory)
-    return law(shaft, site, **values)
+    servo = (lambda lead, rate: servo_force(state, site, lead, rate)) if looks(state, site) else None
+    return law(Shaft(motor_force(state, site), speed, rotor, state.step, memory, servo), site, **values)
 
 
 def encoders(model: mujoco.MjModel, site: str) -> tuple[list[int], list[int]]:
@@ -65,68 +90,101 @@ def encoders(model: mujoco.MjModel, site: str) -> tuple[list[int], list[int]]:
 def elastic(shaft: Shaft, site: str, compliance: float, retardation: float) -> Coupling:
     """A spring, rad/(N m) or m/N, beside a damper of `retardation`, s, times its stiffness (Kelvin-Voigt)."""
     inertia = np.full_like(shaft.torque, shaft.rotor)
-    rigid = np.zeros_like(inertia), inertia
+    none = np.zeros_like(inertia)
     if compliance <= 0 or shaft.rotor <= 0:
-        return Coupling(*rigid, rigid, *_wound(shaft, compliance, retardation))
-    if "swing" not in shaft.memory:
-        shaft.memory["swing"] = _swing(1 / (compliance * shaft.rotor), retardation, shaft.step)
-    moved, pushed = shaft.memory["swing"]
+        return _wound(shaft, compliance, retardation)
     found = _arrived(shaft)
     if found is None:  # until the link's acceleration is known, the spring is wound up by what it must carry
-        rest = compliance * shaft.torque
-        _leave(shaft, np.stack([rest, rigid[0]]), np.stack([compliance * inertia, rigid[0]]))
-        return Coupling(*rigid, rigid, rest, rigid[0])
-    end = moved @ found + pushed[:, None] * (shaft.torque / shaft.rotor)
-    _leave(shaft, end, np.tile(pushed[:, None], len(inertia)))
+        motor = shaft.motor(none, none)
+        give = compliance / (1 + compliance * motor.stiffness)
+        rest = give * motor.base
+        _leave(shaft, np.stack([rest, none]), np.stack([give * inertia, none]))
+        beside = motor.at(rest, none) - shaft.torque
+        return Coupling(beside, inertia, (beside, inertia), rest, none)
     lead, rate = found
+    motor = shaft.motor(lead, rate)
+    moved, pushed = _swing_of(shaft, motor, compliance, retardation)
+    end = np.stack([row[0] * lead + row[1] * rate for row in moved]) + pushed * (motor.base / shaft.rotor)
+    slope = np.broadcast_to(pushed, end.shape)
+    _leave(shaft, end, slope)
     carried = (lead + retardation * rate) / compliance
-    pull, felt = _mean(shaft, rate, end[1], pushed[1])
-    return Coupling(pull, felt, (carried - shaft.torque, rigid[0]), lead, rate)
+    pull, felt = _mean(shaft, motor, found, rate, end, slope)
+    return Coupling(pull, felt, (carried - shaft.torque, none), lead, rate)
 
 
-def _wound(shaft: Shaft, compliance: float, retardation: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lead and rate of a rotor without inertia: it carries all of the torque, and only its winding up takes time."""
-    rest = compliance * shaft.torque
-    lead = shaft.memory.get("lead", rest)
-    decayed = np.exp(-shaft.step / retardation) if retardation > 0 else 0.0
-    shaft.memory["lead"] = rest + (lead - rest) * decayed
-    return lead, (shaft.memory["lead"] - lead) / shaft.step
+def _wound(shaft: Shaft, compliance: float, retardation: float) -> Coupling:
+    """A rotor without inertia, or a gear that does not give: what the motor gives is carried at once, and only its
+    winding up takes time."""
+    none = np.zeros_like(shaft.torque)
+    inertia, lead = np.full_like(none, shaft.rotor), shaft.memory.get("lead")
+    motor = shaft.motor(none if lead is None else lead, shaft.memory.get("rate", none))
+    give = 1 + compliance * motor.stiffness
+    rest, time = compliance * motor.base / give, (retardation + compliance * motor.damping) / give
+    lead = rest if lead is None else lead
+    decayed = np.where(time > 0, np.exp(-shaft.step / np.where(time > 0, time, 1.0)), 0.0)
+    end = rest + (lead - rest) * decayed
+    shaft.memory["lead"], shaft.memory["rate"] = end, (end - lead) / shaft.step
+    rate = shaft.memory["rate"]
+    beside = motor.at((lead + end) / 2, rate) - shaft.torque
+    return Coupling(beside, inertia, (motor.at(lead, rate) - shaft.torque, inertia), lead, rate)
 
 
 def loose(shaft: Shaft, site: str, gap: float) -> Coupling:
     """Play: within it the rotor moves freely, at its ends it and the link push each other and do not bounce."""
-    found, rigid = _arrived(shaft), (np.zeros_like(shaft.torque), np.full_like(shaft.torque, shaft.rotor))
-    side = np.sign(shaft.torque) if found is None else shaft.memory["side"]
-    last = shaft.memory.get("acceleration", rigid[0])
-    lead, rate = (side * gap / 2, rigid[0]) if found is None else found
+    none, inertia = np.zeros_like(shaft.torque), np.full_like(shaft.torque, shaft.rotor)
     if gap <= 0 or shaft.rotor <= 0:
-        return Coupling(*rigid, rigid, side * gap / 2, rigid[0])
+        lead, motor = _rest(shaft, gap)
+        beside = motor.at(lead, none) - shaft.torque
+        return Coupling(beside, inertia, (beside, inertia), lead, none)
+    found = _arrived(shaft)
+    if found is None:
+        lead, rate = _rest(shaft, gap)[0], none
+        side = np.where(np.abs(lead) < gap / 2, 0.0, np.sign(lead))
+    else:
+        side, (lead, rate) = shaft.memory["side"], found
+    last = shaft.memory.get("acceleration", none)
     # The link may have moved otherwise than was reckoned with, and met the rotor.
     side, begun = np.where(np.abs(lead) > gap / 2, np.sign(lead), side), rate
     lead, rate = np.clip(lead, -gap / 2, gap / 2), np.where(side == 0, rate, 0.0)
-    side = np.where(side * (shaft.torque / shaft.rotor - last) > 0, side, 0.0)
-    at_once = np.where(side == 0, -shaft.torque, 0.0), np.where(side == 0, 0.0, shaft.rotor)
-    end, slope, shaft.memory["side"] = _through(shaft, np.stack([lead, rate]), side, last, gap)
+    motor = shaft.motor(lead, rate)
+    side = np.where(side * (motor.at(lead, rate) / shaft.rotor - last) > 0, side, 0.0)
+    at_once = np.where(side == 0, 0.0, motor.at(lead, rate)) - shaft.torque, np.where(side == 0, 0.0, shaft.rotor)
+    begins = np.stack([lead, rate])
+    end, slope, shaft.memory["side"] = _through(shaft, motor, begins, side, last, gap)
     _leave(shaft, end, slope)
-    pull, felt = _mean(shaft, begun, end[1], slope[1])
+    pull, felt = _mean(shaft, motor, begins, begun, end, slope)
     return Coupling(pull, felt, at_once, lead, rate)
 
 
-def _through(shaft: Shaft, end: np.ndarray, held: np.ndarray, last: np.ndarray, gap: float):
+def _rest(shaft: Shaft, gap: float) -> tuple[np.ndarray, Motor]:
+    """Where in its play a rotor is that nothing has moved yet, or that has no inertia: where a servo wants it, or at
+    the end to which the motor pushes."""
+    none = np.zeros_like(shaft.torque)
+    motor = shaft.motor(none, none)
+    wanted = motor.base / np.where(motor.stiffness > 0, motor.stiffness, 1.0)
+    return np.where(motor.stiffness > 0, np.clip(wanted, -gap / 2, gap / 2), np.sign(motor.base) * gap / 2), motor
+
+
+def _through(shaft: Shaft, motor: Motor, end: np.ndarray, held: np.ndarray, last: np.ndarray, gap: float):
     """Lead and rate after the step where the link does not accelerate, (2, n), what they lose for each unit of its
     acceleration, (2, n), and the end of the play at which the rotor then is, 0 for none."""
-    part, drive, (lead, rate) = shaft.step / PARTS, shaft.torque / shaft.rotor, end
+    part, drive, (lead, rate) = shaft.step / PARTS, motor.base / shaft.rotor, end
+    spring, slowed = motor.stiffness / shaft.rotor, part * motor.damping / shaft.rotor / 2
+    # The trapezium rule, which is exact where no servo pulls.
+    slowed = slowed + part**2 * spring / 4
     less, slower = np.zeros_like(end)
     for _ in range(PARTS):
         free = held == 0
-        lead, less = lead + free * part * (rate + part / 2 * drive), less + free * part * (slower + part / 2)
-        rate, slower = rate + free * part * drive, slower + free * part
+        gain = (part * (drive - spring * lead) - 2 * slowed * rate) / (1 + slowed)
+        loss = (part * (1 - spring * less) - 2 * slowed * slower) / (1 + slowed)
+        lead, less = lead + free * part * (rate + gain / 2), less + free * part * (slower + loss / 2)
+        rate, slower = rate + free * gain, slower + free * loss
         place = lead - less * last
         met = free & (np.abs(place) >= gap / 2)
         held = np.where(met, np.sign(place), held)
         lead = np.where(met, held * gap / 2, lead)
         less, rate, slower = (np.where(met, 0.0, own) for own in (less, rate, slower))
-        held = np.where(held * (drive - last) > 0, held, 0.0)
+        held = np.where(held * (drive - spring * lead - last) > 0, held, 0.0)
     return np.stack([lead, rate]), np.stack([less, slower]), held
 
 
@@ -144,14 +202,32 @@ def _leave(shaft: Shaft, end: np.ndarray, slope: np.ndarray) -> None:
     shaft.memory["end"], shaft.memory["slope"] = end, slope
 
 
-def _mean(shaft: Shaft, before: np.ndarray, after: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Force beside the motor's and inertia in the place of the armature: the rotor's own momentum is the rest."""
+def _mean(shaft: Shaft, motor: Motor, begins, rate, end, slope) -> tuple[np.ndarray, np.ndarray]:
+    """Force beside the motor's and inertia in the place of the armature: the rotor's own momentum is the rest.
+
+    Args:
+        begins, end, slope: lead and rate, (2, n), at the start and, where the link does not accelerate, at the end of
+            the step, and what they lose at the end for each unit of its acceleration.
+        rate: at the start, before a blow.
+    """
     share = shaft.rotor / shaft.step
-    return -share * (after - before), np.broadcast_to(shaft.rotor - share * slope, before.shape)
+    mean = motor.at((begins[0] + end[0]) / 2, (end[0] - begins[0]) / shaft.step)
+    eased = (motor.stiffness / 2 + motor.damping / shaft.step) * slope[0]
+    return mean - shaft.torque - share * (end[1] - rate), shaft.rotor - share * slope[1] - eased
 
 
-def _swing(square: float, retardation: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Exact step of d'' = −square (d + retardation d') + u: of the state, (2, 2), and of u, (2,)."""
+def _swing_of(shaft: Shaft, motor: Motor, compliance: float, retardation: float) -> tuple[np.ndarray, np.ndarray]:
+    """`_swing` of the gear and the servo together: the same from step to step as long as the servo is."""
+    if shaft.servo is None and "swing" in shaft.memory:
+        return shaft.memory["swing"]
+    stiffness = 1 / compliance + motor.stiffness
+    retarded = (retardation / compliance + motor.damping) / stiffness
+    shaft.memory["swing"] = _swing(stiffness / shaft.rotor, retarded, shaft.step)
+    return shaft.memory["swing"]
+
+
+def _swing(square: np.ndarray, retardation: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Exact step of d'' = −square (d + retardation d') + u, (n,) each: of the state, (2, 2, n), and of u, (2, n)."""
     half = retardation * square / 2
     fast = -half - np.emath.sqrt(half**2 - square * (1 + 1e-12j))
     slow = square / fast
