@@ -8,8 +8,6 @@ import numpy as np
 from fimpact.effects.base import State
 from fimpact.effects.sites import drives
 
-NUDGE = 1e-6  # rad or m, and their rates: what a servo's force is told apart by
-
 
 @dataclass(frozen=True)
 class Drive:
@@ -35,38 +33,52 @@ class Motor:
     holds: bool
     low: float
     high: float
-    looks: bool
+    servo: bool
 
 
 def motor_force(state: State, site: str) -> np.ndarray:
     """Force, (n,), of the actuators on joint `site` as they leave the gear, N or N m."""
-    return _ahead(state, site, 0.0, 0.0)
+    motor, (_, position, speed) = _motor(state, site), state.joint(site)
+    total = np.zeros(len(position))
+    for drive, _, force in _each(state, motor, position, speed):
+        total += drive.gear * np.clip(force, drive.low, drive.high)
+    return np.clip(total + _holding(state, motor, site), motor.low, motor.high)
 
 
 def looks(state: State, site: str) -> bool:
     """Whether the force of a motor on joint `site` depends on where it is or how fast it turns, as a servo's does."""
-    return _motor(state, site).looks
+    return _motor(state, site).servo
 
 
 def servo_force(state: State, site: str, lead: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, ...]:
     """The force where the motor is ahead of joint `site` by `lead` (n,), rad or m, and runs away from it at `rate`
     (n,), and by how much less it is for each unit more of the one and of the other, (n,) each."""
-    here, further, faster = (_ahead(state, site, lead + a, rate + b) for a, b in ((0, 0), (NUDGE, 0), (0, NUDGE)))
-    return here, np.maximum(here - further, 0.0) / NUDGE, np.maximum(here - faster, 0.0) / NUDGE
+    motor, (_, position, speed) = _motor(state, site), state.joint(site)
+    total, slopes = np.zeros(len(position)), np.zeros((3, len(position)))
+    for drive, command, force in _each(state, motor, position + lead, speed + rate):
+        kept = np.clip(force, drive.low, drive.high)
+        total += drive.gear * kept
+        both = np.multiply.outer(_three(drive.gain), command) + _three(drive.bias)[:, None]
+        slopes -= drive.gear**2 * (kept == force) * both
+    total += _holding(state, motor, site)
+    kept = np.clip(total, motor.low, motor.high)
+    return kept, *np.maximum(slopes[1:] * (kept == total), 0.0)
 
 
-def _ahead(state: State, site: str, lead, rate) -> np.ndarray:
-    total, motor = np.zeros(len(state.qpos)), _motor(state, site)
-    dof, position, speed = state.joint(site)
-    position, speed = position + lead, speed + rate
+def _each(state: State, motor: Motor, position: np.ndarray, speed: np.ndarray):
+    """Each actuator with its command and its force before limits, (n,) each."""
     for drive in motor.actuators:
         command = np.clip(state.ctrl[:, drive.index], drive.least, drive.most)
         force = _at(drive.gain, drive, position, speed) * command
-        force = force + _at(drive.bias, drive, position, speed)
-        total += drive.gear * np.clip(force, drive.low, drive.high)
-    if motor.holds:
-        total += _held(state)[:, dof]
-    return np.clip(total, motor.low, motor.high)
+        yield drive, command, force + _at(drive.bias, drive, position, speed)
+
+
+def _holding(state: State, motor: Motor, site: str) -> np.ndarray | float:
+    return _held(state)[:, state.joint(site)[0]] if motor.holds else 0.0
+
+
+def _three(factor: np.ndarray | float) -> np.ndarray:
+    return np.array([factor, 0.0, 0.0]) if isinstance(factor, float) else factor
 
 
 def _at(factor: np.ndarray | float, drive: Drive, position: np.ndarray, speed: np.ndarray) -> np.ndarray | float:

@@ -35,17 +35,17 @@ class Shaft:
     memory: dict
     servo: Callable | None = None
 
-    def motor(self, lead: np.ndarray, rate: np.ndarray) -> "Motor":
+    def motor(self, lead: np.ndarray, rate: np.ndarray) -> "Servo":
         """The motor's force around a lead and its rate."""
         none = np.zeros_like(self.torque)
         if self.servo is None:
-            return Motor(self.torque, none, none)
+            return Servo(self.torque, none, none)
         here, stiffness, damping = self.servo(lead, rate)
-        return Motor(here + stiffness * lead + damping * rate, stiffness, damping)
+        return Servo(here + stiffness * lead + damping * rate, stiffness, damping)
 
 
 @dataclass(frozen=True)
-class Motor:
+class Servo:
     """A motor's force at lead d, base − stiffness d − damping ḋ, (n,) each."""
 
     base: np.ndarray
@@ -156,7 +156,7 @@ def loose(shaft: Shaft, site: str, gap: float) -> Coupling:
     return Coupling(pull, felt, at_once, lead, rate)
 
 
-def _rest(shaft: Shaft, gap: float) -> tuple[np.ndarray, Motor]:
+def _rest(shaft: Shaft, gap: float) -> tuple[np.ndarray, Servo]:
     """Where in its play a rotor is that nothing has moved yet, or that has no inertia: where a servo wants it, or at
     the end to which the motor pushes."""
     none = np.zeros_like(shaft.torque)
@@ -165,7 +165,7 @@ def _rest(shaft: Shaft, gap: float) -> tuple[np.ndarray, Motor]:
     return np.where(motor.stiffness > 0, np.clip(wanted, -gap / 2, gap / 2), np.sign(motor.base) * gap / 2), motor
 
 
-def _through(shaft: Shaft, motor: Motor, end: np.ndarray, held: np.ndarray, last: np.ndarray, gap: float):
+def _through(shaft: Shaft, motor: Servo, end: np.ndarray, held: np.ndarray, last: np.ndarray, gap: float):
     """Lead and rate after the step where the link does not accelerate, (2, n), what they lose for each unit of its
     acceleration, (2, n), and the end of the play at which the rotor then is, 0 for none."""
     part, drive, (lead, rate) = shaft.step / PARTS, motor.base / shaft.rotor, end
@@ -202,7 +202,7 @@ def _leave(shaft: Shaft, end: np.ndarray, slope: np.ndarray) -> None:
     shaft.memory["end"], shaft.memory["slope"] = end, slope
 
 
-def _mean(shaft: Shaft, motor: Motor, begins, rate, end, slope) -> tuple[np.ndarray, np.ndarray]:
+def _mean(shaft: Shaft, motor: Servo, begins, rate, end, slope) -> tuple[np.ndarray, np.ndarray]:
     """Force beside the motor's and inertia in the place of the armature: the rotor's own momentum is the rest.
 
     Args:
@@ -216,7 +216,7 @@ def _mean(shaft: Shaft, motor: Motor, begins, rate, end, slope) -> tuple[np.ndar
     return mean - shaft.torque - share * (end[1] - rate), shaft.rotor - share * slope[1] - eased
 
 
-def _swing_of(shaft: Shaft, motor: Motor, compliance: float, retardation: float) -> tuple[np.ndarray, np.ndarray]:
+def _swing_of(shaft: Shaft, motor: Servo, compliance: float, retardation: float) -> tuple[np.ndarray, np.ndarray]:
     """`_swing` of the gear and the servo together: the same from step to step as long as the servo is."""
     if shaft.servo is None and "swing" in shaft.memory:
         return shaft.memory["swing"]

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 NUDGE = 1e-5  # m, rad and their rates: the same for an initial state
 HIDDEN = 1e-6  # sensitivity to a state, of the largest to one of its kind, that is the secant's own: of second order
+TOGETHER, ROOM = 256, 1 << 28  # windows that are simulated at once, and bytes, for each may need a model of its own
+APART = "friction"  # laws that ask so little of each step that models of their own for more windows cost more
 WEAK = 1e-6  # prior weight of an initial state that nobody knows; only there to keep R invertible
 
 
@@ -160,14 +162,20 @@ class Problem:
     def starts_at(self, point: Point, base: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Q (w, m, nx) and R (w, nx, nx) of the secants in initial states; `base`: the prediction, where known."""
         base = self.predict(point.hypothesis, point.qpos, point.qvel) if base is None else base
-        nv, columns = self.simulator.base.nv, []
-        for i in range(2 * nv):
-            delta = np.zeros((len(base), 2 * nv))
-            delta[:, i] = NUDGE
-            moved = shift(self.simulator.base, point.qpos, point.qvel, delta)
-            columns.append((self.predict(point.hypothesis, *moved) - base) / NUDGE)
-        prior = self.start_weight[:, :, None] * np.eye(2 * nv)
-        return np.linalg.qr(np.concatenate([shown(np.stack(columns, 2)), prior], 1))
+        moves = NUDGE * np.eye(2 * self.simulator.base.nv)
+        # A law is asked once for all windows: the more at once, the better.
+        most = np.clip(ROOM // self.simulator.base.nbuffer, 1, TOGETHER)
+        most = 1 if any(p.effect.enters == APART for p in point.hypothesis.placed) else most
+        parts = np.array_split(moves, np.clip(-(-len(moves) * len(base) // most), 1, len(moves)))
+        columns = np.concatenate([self._moved(point, part, base) for part in parts]) / NUDGE
+        prior = self.start_weight[:, :, None] * np.eye(len(moves))
+        return np.linalg.qr(np.concatenate([shown(np.moveaxis(columns, 0, 2)), prior], 1))
+
+    def _moved(self, point: Point, moves: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """How the prediction changes, (k, w, T * ny), where all windows begin elsewhere, `moves` (k, 2 nv)."""
+        rows = np.tile(np.arange(len(base)), len(moves))
+        states = shift(self.simulator.base, point.qpos[rows], point.qvel[rows], np.repeat(moves, len(base), 0))
+        return self.part(rows).predict(point.hypothesis, *states).reshape(len(moves), *base.shape) - base
 
 
 def shown(columns: np.ndarray) -> np.ndarray:

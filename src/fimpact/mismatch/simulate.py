@@ -17,6 +17,7 @@ from fimpact.effects.base import Placed, State
 from fimpact.effects.native import editable
 from fimpact.mismatch.acting import OWN, Acting
 from fimpact.mismatch.commands import Commands
+from fimpact.mismatch.copies import Copies
 from fimpact.mismatch.late import Late, motion_key
 from fimpact.mismatch.touch import can_hold
 from fimpact.mismatch.windows import Windows
@@ -74,6 +75,7 @@ class Simulator:
         self._data = [mujoco.MjData(self.base) for _ in range(count)]
         self._scratch = mujoco.MjData(self.base)
         self._last: tuple = ()
+        self._copies = Copies()
         self._sensed: tuple = (None, None, None)
         self.late = Late(self)
 
@@ -110,10 +112,9 @@ class Simulator:
             # What nothing holds needs no solver: the same digits, an eighth sooner.
             held = count or can_hold(model)
             model.opt.disableflags |= 0 if held else mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-            self._last = key, model, []
-        _, model, copies = self._last
-        copies += [copy.copy(model) for _ in range(count - len(copies))]
-        return model, copies[:count]
+            self._last = key, model
+        model = self._last[1]
+        return model, self._copies.of(model, count) if count else []
 
     @DIVERGED
     def predict(self, hypothesis, windows: Windows, qpos, qvel, push: np.ndarray | None = None) -> np.ndarray:
