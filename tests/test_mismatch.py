@@ -306,13 +306,19 @@ def test_what_instruments_are_off_by_is_known_before(nothing):
 
 def test_windows_that_are_not_stuck_are_not_simulated_again(nothing, monkeypatch):
     problem, fitted = nothing.bench.training, nothing.naming.naive.fitted
-    qvel, simulated = fitted.point.qvel.copy(), []
+    qvel, simulated = fitted.point.qvel.copy(), set()
     qvel[[3, 5]] += 30.0
     lost = problem.evaluate(fitted.point.hypothesis, fitted.point.qpos, qvel, fitted.coordinates)
     predict = problem.simulator.predict
-    monkeypatch.setattr(problem.simulator, "predict", lambda *given: simulated.append(len(given[2])) or predict(*given))
+
+    def watched(hypothesis, windows, *states):
+        simulated.update(zip(windows.runs.tolist(), windows.first.tolist(), strict=True))
+        return predict(hypothesis, windows, *states)
+
+    monkeypatch.setattr(problem.simulator, "predict", watched)
     found = restarted(problem, fitted.coordinates, lost)
-    assert max(simulated) == 2
+    stuck = problem.windows.part(np.array([3, 5]))
+    assert simulated == set(zip(stuck.runs.tolist(), stuck.first.tolist(), strict=True))
     again = problem.evaluate(found.hypothesis, found.qpos, found.qvel, fitted.coordinates)
     assert found.cost == pytest.approx(again.cost)
 
