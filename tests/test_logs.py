@@ -186,6 +186,16 @@ def test_a_case_finds_the_files_of_the_one_that_it_extends(tmp_path):
 TELLING = {
     "a text after a blank": ({"q1": lambda q: [None, "ERR", *q[2:]]}, {}, "holds the text 'ERR'"),
     "whole seconds": ({"t": np.floor}, {}, "fraction of a second as `time.fraction`"),
+    "a fraction without seconds": (
+        {},
+        {"time": {"rate": 250, "fraction": {"column": "t", "unit": "ns"}}},
+        "time has fraction and rate; allowed: column and unit, and a fraction where there is one, or rate",
+    ),
+    "a fraction of another unit": (
+        {},
+        {"time": {"column": "t", "unit": "s", "fraction": {"column": "q1", "unit": "m"}}},
+        "time.fraction",
+    ),
     "a row of the file": ({"q1": lambda q: [None] * 40 + [*q[40:60], np.nan, *q[61:]]}, {}, "in row 60"),
     "a column with blanks": (
         {"date": lambda _: [None, *["x"] * 750]},

@@ -45,7 +45,7 @@ def motor_force(state: State, site: str) -> np.ndarray:
     return np.clip(total + _holding(state, motor, site), motor.low, motor.high)
 
 
-def looks(state: State, site: str) -> bool:
+def is_servo(state: State, site: str) -> bool:
     """Whether the force of a motor on joint `site` depends on where it is or how fast it turns, as a servo's does."""
     return _motor(state, site).servo
 

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import State
-from fimpact.effects.drives import looks, motor_force, servo_force
+from fimpact.effects.drives import is_servo, motor_force, servo_force
 
 PARTS = 4  # of a step, in each of which a rotor is either loose or at one end of its play
 
@@ -76,7 +76,7 @@ def coupled(model: mujoco.MjModel, state: State, law, site: str, values: dict[st
     dof, _, speed = state.joint(site)
     # As it was at first: while a step lasts, what the link feels stands there.
     rotor = memory.setdefault("rotor", float(model.dof_armature[dof]))
-    servo = (lambda lead, rate: servo_force(state, site, lead, rate)) if looks(state, site) else None
+    servo = (lambda lead, rate: servo_force(state, site, lead, rate)) if is_servo(state, site) else None
     return law(Shaft(motor_force(state, site), speed, rotor, state.step, memory, servo), site, **values)
 
 
