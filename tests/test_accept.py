@@ -15,6 +15,7 @@ from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.naming import CROWD, CROWDED, DOUBTED, RIGHT, SHARP, Naming
 from fimpact.mismatch.problem import Point
 from fimpact.mismatch.step import SEEN, Step, step
+from fimpact.mismatch.tame import WILD
 
 SAMPLES = 100
 
@@ -59,6 +60,12 @@ def test_what_training_shows_beyond_doubt_and_held_out_runs_really_show_is_worth
 
 def test_once_the_likeliest_has_failed_only_those_that_predict_no_worse_are_tried():
     best, rivals = rival("none", 300), [rival("likeliest", 900), rival("worse", 900), rival("better", 200)]
+    assert [r.name for r in hopeful(best, rivals)] == ["likeliest", "better"]
+
+
+def test_where_nothing_is_near_the_noise_only_those_that_predict_better_are_tried():
+    best, held_out = rival("none", 9e4), {"likeliest": 9e4, "idle": 9e4, "better": 2e4}
+    rivals = [rival(name, squares, dispersion=2 * WILD) for name, squares in held_out.items()]
     assert [r.name for r in hopeful(best, rivals)] == ["likeliest", "better"]
 
 

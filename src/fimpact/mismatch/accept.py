@@ -9,7 +9,7 @@ import numpy as np
 from fimpact.mismatch.colour import colour, disturbance, tempered
 from fimpact.mismatch.explain import Explanation, numerics, sharpened
 from fimpact.mismatch.step import Search, Step
-from fimpact.mismatch.tame import tamed
+from fimpact.mismatch.tame import WILD, tamed
 from fimpact.mismatch.weigh import predicted, weigh
 
 TRACE = 0.03  # share of what there was to explain that is not worth a further effect
@@ -21,8 +21,10 @@ CALM = 2.0  # dispersion up to which disturbances are nearly what they are taken
 
 def hopeful(best: Explanation, rivals: list[Explanation]) -> list[Explanation]:
     """The likeliest, and those others that look like keeping their word: once it has broken its own, only they are
-    worth the time."""
-    return [*rivals[:1], *(r for r in rivals[1:] if kept(best, r))]
+    worth the time. Where nothing is near the noise, almost all that is left passes for disturbances and one step may
+    promise anything: there only what really predicts better is."""
+    serves = improved if rivals and rivals[0].dispersion > WILD else kept
+    return [*rivals[:1], *(r for r in rivals[1:] if serves(best, r))]
 
 
 def worthwhile(search: Search, naive: Explanation, current: Explanation, last: Step) -> bool:

@@ -83,7 +83,8 @@ def both(bench: Bench, explanation: Explanation) -> tuple[Fit, Fit]:
 def dispersion(parts: Sequence[Fit], sums: list[np.ndarray]) -> float:
     """What differences of deviance, and variances, are scaled by: 1 for noise, more where a residual remembers itself.
 
-    A window's sum of squares is taken as a scaled chi-square, its scale by moments: variance / (2 mean).
+    A window's sum of squares is taken as a scaled chi-square, its scale by moments: variance / (2 mean); of windows
+    that are quieter than noise, as those in which a coarse encoder stands still, no more than of louder ones.
 
     Args:
         sums: squares of each training and each held-out window, (w,) each.
@@ -93,8 +94,14 @@ def dispersion(parts: Sequence[Fit], sums: list[np.ndarray]) -> float:
         samples = part.point.samples
         found.append(own.sum() / samples.sum())
         if len(own) >= FEW:
-            found.append(np.var(own * samples.mean() / samples, ddof=1) / (2 * own.mean()))
+            found.append(_scatter(own * samples.mean() / samples, samples.mean()) / (2 * own.mean()))
     return float(max(1.0, *found))
+
+
+def _scatter(squares: np.ndarray, noise: float) -> float:
+    """Variance of `squares`, (w,), or twice the part of it that is above their mean and that of `noise`, if less."""
+    louder = np.maximum(squares - max(squares.mean(), noise), 0.0)
+    return min(np.var(squares, ddof=1), 2 * (louder**2).sum() / (len(squares) - 1))
 
 
 def widened(parts: Sequence[Fit], shades: Sequence[Colour]) -> tuple[float, np.ndarray]:
