@@ -41,7 +41,7 @@ CORE = (
     "pulses scales score settle simulate starts steady tangent touch windows"
 ).split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
-RIGS = [
+RIGS = ["quiet"] + [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
 CASE = (
@@ -49,7 +49,7 @@ CASE = (
     "sensors sources start timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
-LAWS = [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
+LAWS = ["quiet"] + [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
 NAMING = [
     f"mismatch/{name}"
     for name in (
@@ -88,7 +88,7 @@ STAGES = {
     + [f"mismatch/{name}" for name in "discriminate per_run separate shape".split()]
     + "tables looks scene stage gif motion film added_force report_figures report_look report_where".split()
     + "experiment report report_contents report_numbers diagnose_recording effects/own".split(),
-    "compare_recording": [*READ, *OTHERS, *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
+    "compare_recording": [*READ, *OTHERS, "quiet", *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
     + [*(f"effects/{name}" for name in "base drives gears native sites".split()), "compare_recording"],
     "recordings_summary": ["__init__", "tables", "rig_summary"],
 }

@@ -10,13 +10,13 @@ from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
 from fimpact.concealed.rigs import Rig
+from fimpact.quiet import hush
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 HELD = 2.5e-4  # s
 LOCKED = 1e6  # kg m^2, of a shaft that does not turn
-# A draw that diverges is rejected; MuJoCo would print it and write a log file.
-mujoco.set_mju_user_warning(lambda message: None)
 DRIVEN = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
+hush()
 
 
 @dataclass

@@ -21,6 +21,7 @@ from fimpact.mismatch.copies import Copies
 from fimpact.mismatch.late import Late, motion_key
 from fimpact.mismatch.touch import can_hold
 from fimpact.mismatch.windows import Windows
+from fimpact.quiet import hush
 from fimpact.recordings import FIELDS, Recording
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
@@ -45,8 +46,7 @@ def threads() -> int:
     return int(given) if given.isdecimal() and int(given) else os.cpu_count() or 1
 
 
-# A trial step that diverges is an infinite cost; MuJoCo would print it and write a log file.
-mujoco.set_mju_user_warning(lambda message: None)
+hush()
 
 
 class Simulator:

@@ -32,7 +32,7 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     bent = np.array([o.bent for o in optima])
     squares = np.array([o.total for o in optima]) - bent
     least = int(np.argmin(squares + bent + _paid(rivals, optima, 1.0).sum(1)))
-    spread = dispersion(rivals[least].parts, optima[least].deviances)
+    spread = dispersion(rivals[least].parts, optima[least].deviances, pushing.noise)
     # Data that say less know less of shapes.
     paid = _paid(rivals, optima, spread)
     prices = paid.sum(1) + bent
@@ -80,27 +80,29 @@ def both(bench: Bench, explanation: Explanation) -> tuple[Fit, Fit]:
     return explanation.fitted, shown
 
 
-def dispersion(parts: Sequence[Fit], sums: list[np.ndarray]) -> float:
+def dispersion(parts: Sequence[Fit], sums: list[np.ndarray], noise: float) -> float:
     """What differences of deviance, and variances, are scaled by: 1 for noise, more where a residual remembers itself.
 
-    A window's sum of squares is taken as a scaled chi-square, its scale by moments: variance / (2 mean); of windows
-    that are quieter than noise, as those in which a coarse encoder stands still, no more than of louder ones.
+    A window's sum of squares is taken as a scaled chi-square, its scale by moments: variance / (2 mean); where windows
+    are quieter than the sensors, as those in which a coarse encoder stands still, by those moments of louder ones.
 
     Args:
-        sums: squares of each training and each held-out window, (w,) each.
+        sums: squares of each training and each held-out window, (w,) each. noise: of what is white in them, in units of
+            that of the sensors.
     """
     found = []
     for part, own in zip(parts, sums, strict=True):
         samples = part.point.samples
         found.append(own.sum() / samples.sum())
         if len(own) >= FEW:
-            found.append(_scatter(own * samples.mean() / samples, samples.mean()) / (2 * own.mean()))
+            scatter = _scatter(own * samples.mean() / samples, samples.mean() / noise**2)
+            found.append(scatter / (2 * own.mean()))
     return float(max(1.0, *found))
 
 
-def _scatter(squares: np.ndarray, noise: float) -> float:
-    """Variance of `squares`, (w,), or twice the part of it that is above their mean and that of `noise`, if less."""
-    louder = np.maximum(squares - max(squares.mean(), noise), 0.0)
+def _scatter(squares: np.ndarray, quiet: float) -> float:
+    """Variance of `squares`, (w,), or twice the part of it that is above their mean and what is `quiet`, if less."""
+    louder = np.maximum(squares - max(squares.mean(), quiet), 0.0)
     return min(np.var(squares, ddof=1), 2 * (louder**2).sum() / (len(squares) - 1))
 
 
@@ -108,7 +110,8 @@ def widened(parts: Sequence[Fit], shades: Sequence[Colour]) -> tuple[float, np.n
     """What training and held-out windows, one explanation's, are dispersed by among disturbances, and the covariance of
     its coordinates, (k, k), those counted: of the generalised estimate, or, where the explanation was left as ordinary
     squares have it, of that."""
-    spread, optimum = dispersion(parts, generalised(parts, shades).deviances), generalised(parts[:1], shades[:1])
+    spread = dispersion(parts, generalised(parts, shades).deviances, shades[0].noise)
+    optimum = generalised(parts[:1], shades[:1])
     known = spread * optimum.covariance
     if np.all(np.abs(optimum.step) <= np.sqrt(np.diag(known))):
         return spread, known

@@ -1,0 +1,16 @@
+"""MuJoCo simulates, and does nothing else beside."""
+
+import mujoco
+
+from fimpact.mismatch import simulate  # noqa: F401  (it is what hushes)
+
+XML = "<mujoco><worldbody><body><joint type='slide'/><geom size='0.1' mass='1'/></body></worldbody></mujoco>"
+
+
+def test_the_profiler_is_off(capfd):
+    model = mujoco.MjModel.from_xml_string(XML)
+    data = mujoco.MjData(model)
+    data.qvel[:] = float("nan")
+    mujoco.mj_step(model, data)
+    assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration == 0.0
+    assert capfd.readouterr() == ("", "")
