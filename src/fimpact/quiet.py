@@ -1,6 +1,5 @@
 """What MuJoCo does beside simulating, and nobody here wants: warnings, a log file, and a profiler."""
 
-import contextlib
 import ctypes
 from pathlib import Path
 
@@ -12,12 +11,18 @@ def hush() -> None:
 
     A trial step that diverges is an infinite cost; MuJoCo would print it and write a log file. Its profiler asks the
     clock all through a step, which where clocks are slow takes up to a third of the time of small models. In C it is
-    off until `mjcb_time` is set; the Python bindings set it, and leave no way back but the symbol itself. Where that
-    is not found, it stays on.
+    off until `mjcb_time` is set; the Python bindings set it, and leave no way back but the symbol itself.
     """
     mujoco.set_mju_user_warning(lambda message: None)
-    with contextlib.suppress(OSError, ValueError):
-        ctypes.c_void_p.in_dll(ctypes.CDLL(_library()), "mjcb_time").value = None
+    clock().value = None
+
+
+def clock() -> ctypes.c_void_p:
+    """Address of what the profiler asks for the time, to be written; of no consequence where it is not found."""
+    try:
+        return ctypes.c_void_p.in_dll(ctypes.CDLL(_library()), "mjcb_time")
+    except (OSError, ValueError):
+        return ctypes.c_void_p()
 
 
 def _library() -> str:
