@@ -18,12 +18,12 @@ KNOTS = 8  # per actuator
 ABRUPT = 0.02  # share of the way between two knots in which the quickest commands change
 QUICKEST = 4  # samples: the shortest period of a square wave on top, for what shows at a change of the command only
 POOL = 48  # random experiments to start from, a third of them calmer than the limits allow, a third with square waves
-POPULATION, GENERATIONS = 16, 32  # of the search that follows
-SPREAD = 0.2  # its first steps, of the limits
+POPULATION, GENERATIONS = 8, 64  # of the search that follows
+SPREAD = 0.1  # its first steps, of the limits
 NEEDED = 11.0  # non-centrality for 80 % power at 1 %
-ENOUGH, PATIENCE = 2.5 * NEEDED, 6  # separation of all pairs, and generations in a row no better, that end the search
+ENOUGH, PATIENCE = 2.5 * NEEDED, 12  # separation of all pairs, and generations in a row no better, that end the search
 BETTER = 1.02  # times the worth, of an experiment that keeps it going
-TRIED, VAIN = 8, 0.02  # generations after which a search ends whose best is worth less
+TRIED, VAIN = 16, 0.02  # generations after which a search ends whose best is worth less
 
 
 @dataclass(frozen=True)
