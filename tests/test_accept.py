@@ -70,31 +70,34 @@ def test_where_nothing_is_near_the_noise_only_those_that_predict_better_are_trie
 
 
 @pytest.mark.parametrize(
-    ("plain", "sharp", "friction", "found", "offsets"),
+    ("plain", "sharp", "friction", "far", "found"),
     [
-        (200, 150, 0.1, "sharp", "sharp"),
-        (200, 900, 0.1, "plain", "plain"),
-        (900, 900, 0.1, None, "naive"),
-        (200, 150, 0.0, None, "naive"),  # it does nothing
+        (200, 150, 0.1, 1.0, "sharp"),
+        (200, 900, 0.1, 1.0, "plain"),
+        (900, 900, 0.1, 1.0, None),
+        (200, 150, 0.0, 1.0, None),  # it does nothing
+        (150, 200, 0.1, 1.0, "sharp"),
+        (150, 200, 0.1, 2.0, "plain"),  # nothing is near the noise
+        (200, 150, 0.1, 2.0, "sharp"),
+        (150, 200, 0.0, 2.0, None),
     ],
 )
-def test_the_generalised_optimum_is_taken_only_where_it_keeps_its_word(
-    monkeypatch, plain, sharp, friction, found, offsets
-):
+def test_the_generalised_optimum_is_taken_only_where_it_keeps_its_word(monkeypatch, plain, sharp, friction, far, found):
     bench = SimpleNamespace(offsets="naive")
     bench.restore = lambda state: setattr(bench, "offsets", state)
 
     def arriving(name, squares):
         def at(*_):
             bench.offsets = name
-            return rival(name, squares, friction=friction)
+            return rival(name, squares, friction=friction, dispersion=far * (WILD - 1))
 
         return at
 
     monkeypatch.setattr("fimpact.mismatch.accept.numerics", arriving("plain", plain))
     monkeypatch.setattr("fimpact.mismatch.accept.sharpened", arriving("sharp", sharp))
+    monkeypatch.setattr("fimpact.mismatch.accept.tamed", lambda _, found: found)
     answer = accepted(SimpleNamespace(bench=bench, pulses=None), rival("none", 300), None)
-    assert (answer.name if answer else None, bench.offsets) == (found, offsets)
+    assert (answer.name if answer else None, bench.offsets) == (found, found or "naive")
 
 
 @pytest.mark.parametrize(("among", "dispersion", "found"), [(250, 1.5, True), (350, 1.5, False), (250, 3.0, False)])

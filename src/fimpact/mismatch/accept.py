@@ -52,19 +52,18 @@ def beats(search: Search, found: Explanation, best: Explanation) -> bool:
 
 def accepted(search: Search, best: Explanation, promised: Explanation) -> Explanation | None:
     """`promised` at its generalised optimum (where collisions leave loud windows, `tamed`), or as it was fitted where
-    only that predicts held-out windows, for disturbances need not be what they are taken for; None, and numerics as
-    they were, if neither does."""
+    only that predicts held-out windows, for disturbances need not be what they are taken for, or, where nothing is near
+    the noise, where that predicts them better; None, and numerics as they were, if neither does."""
     before = search.bench.offsets
     plain = numerics(search.bench, promised)
     own = search.bench.offsets
     found = tamed(search.bench, sharpened(search.bench, search.pulses, plain))
-    if not idle(found) and (kept(best, found) or _kept_among(search, best, found)):
+    ordinary = not idle(plain) and kept(best, plain)
+    rather = ordinary and plain.dispersion > WILD and improved(found, plain)
+    if not rather and not idle(found) and (kept(best, found) or _kept_among(search, best, found)):
         return found
-    if not idle(plain) and kept(best, plain):
-        search.bench.restore(own)
-        return plain
-    search.bench.restore(before)
-    return None
+    search.bench.restore(own if ordinary else before)
+    return plain if ordinary else None
 
 
 def _kept_among(search: Search, before: Explanation, after: Explanation) -> bool:
