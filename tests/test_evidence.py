@@ -61,7 +61,7 @@ def test_only_what_was_left_by_ordinary_squares_counts_as_dragged(step, monkeypa
     fitted, _, shade = dragged(np.random.default_rng(0))
     optimum = SimpleNamespace(deviances=[], step=np.array([0.0, 2 * step]), covariance=np.eye(2))
     monkeypatch.setattr("fimpact.mismatch.weigh.generalised", lambda parts, shades: optimum)
-    monkeypatch.setattr("fimpact.mismatch.weigh.dispersion", lambda parts, sums: 4.0)
+    monkeypatch.setattr("fimpact.mismatch.weigh.dispersion", lambda parts, sums, noise: 4.0)
     spread, covariance = widened([fitted], [shade])
     expected = 3 * np.eye(2) + _ordinary(fitted, shade) if step > 1 else 4 * np.eye(2)
     np.testing.assert_allclose(covariance, expected)
