@@ -1,7 +1,9 @@
 """MuJoCo simulates, and does nothing else beside."""
 
 import mujoco
+import pytest
 
+from fimpact import quiet
 from fimpact.mismatch import simulate  # noqa: F401  (it is what hushes)
 
 XML = "<mujoco><worldbody><body><joint type='slide'/><geom size='0.1' mass='1'/></body></worldbody></mujoco>"
@@ -14,3 +16,9 @@ def test_the_profiler_is_off(capfd):
     mujoco.mj_step(model, data)
     assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration == 0.0
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("library", ["", "no/such/library.so"])
+def test_where_the_clock_is_not_found_it_is_left_alone(monkeypatch, library):
+    monkeypatch.setattr(quiet, "_library", lambda: library)
+    quiet.hush()
