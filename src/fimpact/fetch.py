@@ -55,7 +55,7 @@ def find_source(sources: Sequence[Source], file: str) -> Source:
     found = [source for source in sources if source.file == file]
     if not found:
         allowed = ", ".join(source.file for source in sources)
-        raise ValueError(f"'{file}' is offered by no source; allowed: {allowed}; get it as config/recordings/README.md says")
+        raise ValueError(f"'{file}' is offered by no source; allowed: {allowed}; config/recordings/README.md says more")
     return found[0]
 
 
