@@ -211,13 +211,13 @@ def test_an_answer_that_leaves_a_quarter_or_a_tenth_that_is_hardly_chance_says_s
 
 def test_a_name_that_alone_could_be_chance_says_so():
     assert naming(1.0, p=0.03, rivals=(1.0,)).answer_set == ["name 0", "unnamed"]
-    assert naming(1.0, p=0.004, rivals=(1.0,), effects=3).suspected is False
+    assert naming(1.0, p=0.001, rivals=(1.0,), effects=3).suspected is False
 
 
 def test_names_that_are_called_for_and_refused_stay_possible():
-    refused = naming(effects=0, p=0.004, rivals=(0.8, 0.2, 0.003))
+    refused = naming(effects=0, p=0.001, rivals=(0.8, 0.2, 0.003))
     assert refused.answer_set == ["unnamed", "rival 0.8", "rival 0.2"]
-    assert naming(1.0, p=0.004, rivals=(0.8, 0.2)).refused == []
+    assert naming(1.0, p=0.001, rivals=(0.8, 0.2)).refused == []
 
 
 @pytest.mark.parametrize(
@@ -238,9 +238,9 @@ def test_a_few_windows_are_not_certain_of_what_has_no_name():
 
 
 def test_what_calls_for_a_name_and_has_none_that_keeps_its_word_is_not_nothing():
-    assert naming(effects=0, p=0.004).answer_set == ["unnamed"]
+    assert naming(effects=0, p=0.001).answer_set == ["unnamed"]
     assert naming(effects=0, p=0.006).answer_set == ["none"]
-    assert naming(effects=0, p=0.004, windows=7).answer_set == ["none"]
+    assert naming(effects=0, p=0.001, windows=7).answer_set == ["none"]
 
 
 def test_an_answer_of_as_many_effects_as_are_tried_says_that_more_may_be_missing():

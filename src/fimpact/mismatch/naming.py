@@ -14,7 +14,7 @@ from fimpact.mismatch.weigh import members
 
 UNNAMED = 0.15  # share of the explainable mismatch that a named answer may leave
 FAR = 100.0  # squares of what is left, in those of the noise, that are not passed over whatever may have made them
-CERTAIN = 0.01  # family-wise p at which what has no name is there, whatever is named
+CERTAIN = 0.005  # family-wise p at which what has no name is there, whatever is named
 SEEMING = 0.05  # the same at which a named answer says that it need not be all
 # Share of the explainable mismatch above which it says so, sure or not: a relative may stand in for it; and the same
 # where it is no more likely chance than not.

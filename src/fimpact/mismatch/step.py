@@ -20,7 +20,9 @@ from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
 from fimpact.mismatch.weigh import weigh
 
-ALARM = 0.005  # family-wise probability of finding a named effect where nothing is missing; CERTAIN comes on top
+# Family-wise p at which a named effect is found; CERTAIN comes on top. Of 301 opened cases with nothing planted eight
+# had p of at most 0.005 and three of at most 0.002.
+ALARM = 0.002
 SEEN = 4.0  # times its p counts that of a judge who has seen what the strongest candidate leaves
 FURTHER = 0.01  # the same for each further effect
 REFITS = 8  # candidates that are truly refitted in each step
