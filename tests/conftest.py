@@ -15,6 +15,11 @@ TOUCHING = {"arm": np.tile([1.5, 0.0, 0.0], 8), "block": np.array([0.3, 0.5, -3.
 CLEAR = {"arm": np.zeros(24), "block": np.array([0.0, 0.0, 2.0, 0.0])}
 
 
+def marked(page: Path, word: str) -> str:
+    """What stands between the comments `word` and `/word` of a Markdown page."""
+    return page.read_text(encoding="utf-8").partition(f"<!-- {word} -->\n")[2].partition(f"<!-- /{word} -->")[0]
+
+
 @pytest.fixture(scope="session")
 def config():
     """The configuration of the paper."""

@@ -1,12 +1,12 @@
 """The claim's lines and pictures, from tables whose answers are known."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from concealed_cases import cases
+from conftest import ROOT, marked
 
 from fimpact import tables
 from fimpact.concealed import measures
@@ -20,7 +20,6 @@ from fimpact.concealed.rows import as_lines, each, read_rows, runs_of
 from fimpact.concealed.score import COLUMNS, gather, score_case, size_of
 from fimpact.concealed.truth import Planted, Truth
 
-ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "results" / "reference" / "concealed" / "cases.csv"
 SETTINGS = {
     "seed": 5,
@@ -321,13 +320,11 @@ def test_parts_are_gathered_in_order(recording, tmp_path):
 
 
 @pytest.mark.skipif(not REFERENCE.exists(), reason=f"the benchmark's table was not committed yet: {REFERENCE}")
-def test_its_readme_shows_the_committed_measures():
-    readme = (ROOT / "results" / "reference" / "concealed" / "README.md").read_text(encoding="utf-8")
-    shown = readme.partition("<!-- concealed -->\n")[2].partition("<!-- /concealed -->")[0]
+def test_the_readmes_show_the_committed_measures():
+    shown = marked(REFERENCE.with_name("README.md"), "concealed")
     assert shown == measures.to_markdown(measures.read_cases(REFERENCE))
-    rows = [line for line in shown.splitlines() if line.startswith("|") and "| – | – |" not in line]
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert (
-        readme.partition("<!-- bars -->\n")[2].partition("<!-- /bars -->")[0].splitlines()
-        == rows[: rows.index(rows[0], 1)]
-    )
+    head, *rows = [line for line in shown.splitlines() if line.startswith("|") and "| – | – |" not in line]
+    assert marked(ROOT / "README.md", "bars").splitlines() == [
+        head,
+        *rows[: rows.index(head)],
+    ]  # the comparators' is next

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
+from conftest import marked
 from test_concealed_workflow import needed
 from test_fetch import CONTENT, Handler
 from test_workflow import ROOT, copy, imported, planned, snakemake, stages
@@ -112,6 +113,4 @@ def test_the_lists_of_package_files_are_complete(script):
 
 @pytest.mark.skipif(not REFERENCE.exists(), reason=f"the recordings' table was not committed yet: {REFERENCE}")
 def test_the_readme_shows_the_committed_table():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    shown = readme.partition("<!-- recordings -->\n")[2].partition("<!-- /recordings -->")[0]
-    assert shown == to_markdown(pd.read_csv(REFERENCE, dtype={"run": str}))
+    assert marked(ROOT / "README.md", "recordings") == to_markdown(pd.read_csv(REFERENCE, dtype={"run": str}))
