@@ -1,6 +1,9 @@
 """Systems as configured, built once: no test compiles what another has compiled."""
 
+import os
 from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # of each worker, before numpy is loaded: there is a worker for each core
 
 import numpy as np
 import pytest

@@ -155,6 +155,17 @@ def test_a_difference_that_halving_the_step_does_not_shrink_is_not_extrapolated(
     assert converging(problem, first, second).ravel().tolist() == [True, False, False]
 
 
+def test_what_is_extrapolated_stays_so_until_it_clearly_does_not_converge(sliding):
+    """Of two alike explanations neither may be judged with the time step's error where the other is without."""
+    problem = copy(sliding.training)
+    first = np.ones_like(problem.windows.measured)
+    second = first * np.array([0.8, 0.8, 1.1])[:, None, None]
+    problem.offset = np.zeros_like(first)
+    assert converging(problem, first, second).ravel().tolist() == [False, False, False]
+    problem.offset = first * np.array([1.0, 0.0, 1.0])[:, None, None]
+    assert converging(problem, first, second).ravel().tolist() == [True, False, False]
+
+
 def test_the_error_of_the_time_step_is_that_of_where_the_fit_now_is():
     runs = [throw(1.0, height, held_out) for held_out in (False, True) for height in (0.05, 0.1)]
     nothing = (), np.full(2, NOISE), np.full(4, np.inf), 0.0

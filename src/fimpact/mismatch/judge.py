@@ -21,7 +21,8 @@ from fimpact.recordings import Recording
 ROUNDS = 4  # of numerics and fit in turn, at most
 STILL = 3.0  # standard deviations squared, all samples together: no conclusion hangs on less
 FAINT = 1e-4  # nor on less than this share of the squares that are left
-HALVES = 0.25  # of a change with the step: how far from half of it the next one may be
+# Of a change with the step: how far from half of it the next one may be, where it is not extrapolated yet, and is.
+HALVES = (0.25, 0.5)
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,11 @@ def correct(bench: Bench, problem: Problem, point: Point) -> float:
 def converging(problem: Problem, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Windows, (w, 1, 1), in which a step halved twice changes predictions as a first-order error does, by `first` and
     then `second`, half as much and alike: what a collision does between two steps comes and goes with their length, and
-    is not extrapolated."""
+    is not extrapolated. Where it was so far, that takes more: of two alike explanations, neither shall be the better
+    for a window that the other is judged in otherwise."""
     before, after = (problem.whiten(np.nan_to_num(change)) for change in (first, second))
-    off = ((after - before / 2) ** 2).sum(1)
-    return (off <= HALVES**2 * (before**2).sum(1))[:, None, None]
+    off, most = ((after - before / 2) ** 2).sum(1), np.where(problem.offset.any((1, 2)), *HALVES[::-1])
+    return (off <= most**2 * (before**2).sum(1))[:, None, None]
 
 
 def settle(problem: Problem, hypothesis: Hypothesis, near: Point | None = None, linear: Linear | None = None) -> Fit:
