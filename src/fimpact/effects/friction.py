@@ -110,7 +110,7 @@ EFFECTS = (
         name="direction_dependent_coulomb",
         family="joint friction",
         equation="τ = −F₊ where q̇ > 0, +F₋ where q̇ < 0;  at rest −F₊ ≤ τ ≤ F₋",
-        sentence="Dry friction that differs between the two directions, as in preloaded or inclined gears.",
+        sentence="Dry friction that differs between directions, as in preloaded gears: a mean beside a constant force.",
         reference="Gautier, Janot, Vandanjon, IEEE Trans. Control Systems Technology 21(2), 2013",
         enters="model",
         coefficients=(Coefficient("forward", "N m", low=0.0), Coefficient("backward", "N m", low=0.0)),
