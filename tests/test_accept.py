@@ -153,6 +153,17 @@ def test_what_was_called_for_and_refused_may_be_missing(p, beside):
     assert naming.beside is beside
 
 
+def test_effects_are_told_in_the_order_in_which_they_led():
+    """What is left out and asked for anew is fitted last, and is not the least of them."""
+    dry, viscous, one_way = (SimpleNamespace(name=name) for name in ("dry", "viscous", "one way"))
+    rounds = [[dry], [dry, SimpleNamespace(name="drag")], [one_way, dry, viscous]]
+    steps = [SimpleNamespace(least=0.0, rivals=[SimpleNamespace(placed=led)]) for led in rounds]
+    steps.append(SimpleNamespace(least=1.0, rivals=[]))
+    best = SimpleNamespace(placed=(viscous, one_way, dry))
+    naming = Naming(None, steps, best, [], 0.0, Stranger(1.0, 0.0, ""), 1.0, 1.0, None, None)
+    assert naming.found == [dry, viscous, one_way]
+
+
 def test_an_effect_at_its_bound_does_nothing():
     def explained(*placed):
         return SimpleNamespace(placed=placed)

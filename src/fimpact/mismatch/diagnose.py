@@ -81,7 +81,7 @@ def verdict(naming: Naming, recording: Recording, location: Location, evidence: 
     """What was found, in one or two sentences."""
     if naming.answer == "none":
         return "Nothing is missing that these recordings can show" + _loud(evidence)
-    found = "; ".join(in_words(naming, recording, p) for p in naming.best.placed)
+    found = "; ".join(in_words(naming, recording, p) for p in naming.found)
     share = f"It explains {evidence.explained:.0%} of the explainable held-out mismatch."
     if naming.answer == "unnamed":
         where = f"that the catalogue cannot name: {location.sentence}.{_like(naming)}"

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import FEW
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.nameless import Stranger
@@ -48,6 +49,17 @@ class Naming:
     misfit: float
     covariance: np.ndarray
     pulses: Pulses
+
+    @property
+    def found(self) -> list[Placed]:
+        """The effects of the best explanation, in the order of the rounds that they led in first: each round asks what
+        explains most of what is left. Which was fitted last is a matter of what was asked for anew."""
+        leading = [{p.name for p in s.rivals[0].placed} if s.rivals else set() for s in self.steps]
+        first = {
+            p.name: next((i for i, names in enumerate(leading) if p.name in names), len(leading))
+            for p in self.best.placed
+        }
+        return sorted(self.best.placed, key=lambda p: first[p.name])
 
     @property
     def widened(self) -> float:
