@@ -12,7 +12,7 @@ from mujoco.rollout import Rollout
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.coordinates import coordinates
-from fimpact.mismatch.explain import explain
+from fimpact.mismatch.explain import _offered, explain
 from fimpact.mismatch.fit import SETTLED, fit, negligible
 from fimpact.mismatch.judge import bench, converging, correct, settle
 from fimpact.mismatch.leap import leap, leaped
@@ -164,6 +164,20 @@ def test_what_is_extrapolated_stays_so_until_it_clearly_does_not_converge(slidin
     assert converging(problem, first, second).ravel().tolist() == [False, False, False]
     problem.offset = first * np.array([1.0, 0.0, 1.0])[:, None, None]
     assert converging(problem, first, second).ravel().tolist() == [True, False, False]
+
+
+def test_what_numerics_make_of_a_window_in_one_explanation_they_make_of_it_in_all(sliding):
+    problem = copy(sliding.training)
+    right, wrong = np.zeros_like(problem.offset), np.zeros_like(problem.offset)
+    wrong[1, 10:] = 50 * NOISE
+    fits = []
+    for problem.offset in (right, wrong):
+        start = first_point(problem, coordinates(problem.simulator), Hypothesis(np.array([TRUE])))
+        fits.append(settle(problem, start.hypothesis, start))
+    before, (one, other) = fits[0].point.squares, _offered(problem, fits, [right, wrong])
+    assert fits[1].point.squares[1] > 5 * before[1]
+    assert other.point.squares[1] == pytest.approx(one.point.squares[1], rel=0.01)
+    assert (one.point.squares <= before + 1e-6).all()
 
 
 def test_the_error_of_the_time_step_is_that_of_where_the_fit_now_is():
