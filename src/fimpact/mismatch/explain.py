@@ -10,17 +10,15 @@ from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.judge import Bench, again, base_fit, correct, settle
+from fimpact.mismatch.offer import offered
 from fimpact.mismatch.price import price
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate
-from fimpact.mismatch.settle import settled
 from fimpact.mismatch.simulate import Hypothesis
 
 WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
 HALVINGS = 12  # of a strength at which the motion diverges
-# Squares of a window by which another rival must fit it better to be asked how, and by which that must help.
-STRAY, SLIGHT = 9.0, 3.0
 SHARPER = 2  # generalised steps from a fit by ordinary least squares
 
 
@@ -111,7 +109,7 @@ def corrected(bench: Bench, rivals: Sequence[Explanation]) -> list[Explanation]:
         found.append(numerics(bench, rival))
         offsets.append(bench.offsets)
     parts = [
-        _offered(problem, [(r.fitted, r.judged)[side] for r in found], [own[side] for own in offsets])
+        offered(problem, [(r.fitted, r.judged)[side] for r in found], [own[side] for own in offsets])
         for side, problem in enumerate((bench.training, bench.held_out))
     ]
     bench.restore(before)
@@ -119,30 +117,6 @@ def corrected(bench: Bench, rivals: Sequence[Explanation]) -> list[Explanation]:
         replace(explain(*pair), weight=r.weight, dispersion=r.dispersion, exact=True)
         for r, *pair in zip(found, *parts, strict=True)
     ]
-
-
-def _offered(problem: Problem, fits: list[Fit], offsets: list[np.ndarray]) -> list[Fit]:
-    """`fits` of one problem, each with numerics and start of the best of them in windows that these fit better."""
-    squares = np.nan_to_num([f.point.squares for f in fits], nan=np.inf)
-    best, out = squares.argmin(0), []
-    for own, squared, offset in zip(fits, squares, offsets, strict=True):
-        point, other = own.point, offset.copy()
-        states = point.qpos.copy(), point.qvel.copy()
-        for w in np.flatnonzero(squared > squares.min(0) + STRAY):
-            giver = fits[best[w]].point
-            other[w], states[0][w], states[1][w] = offsets[best[w]][w], giver.qpos[w], giver.qvel[w]
-        problem.offset = other
-        there = settled(problem, own.coordinates, problem.evaluate(point.hypothesis, *states, own.coordinates))
-        taken = there.squares < squared - SLIGHT
-        if not taken.any():
-            out.append(own)
-            continue
-        problem.offset = np.where(taken[:, None, None], other, offset)
-        rows = taken[:, None]
-        begun = np.where(rows, there.qpos, point.qpos), np.where(rows, there.qvel, point.qvel)
-        start = problem.evaluate(point.hypothesis, *begun, own.coordinates)
-        out.append(fit(problem, own.coordinates, start, 12, own.linear, refresh=False))
-    return out
 
 
 def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Explanation:

@@ -1,0 +1,51 @@
+"""Offer: what numerics and start one explanation found for a window, to the others that fit it worse.
+
+Where a collision falls between two time steps, several of them are at peace with themselves, ten squares and more
+apart. Which one an explanation came to rest at is chance, and must not decide between rivals.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fimpact.mismatch.fit import Fit, fit
+from fimpact.mismatch.problem import Problem
+from fimpact.mismatch.settle import settled
+
+# Squares of a window by which another must fit it better to be asked how, and by which that must help.
+STRAY, SLIGHT = 9.0, 3.0
+
+
+def offered(problem: Problem, fits: Sequence[Fit], offsets: Sequence[np.ndarray]) -> list[Fit]:
+    """`fits` of one problem, each with numerics and start of the best of them in windows that these fit better.
+
+    Args:
+        offsets: numerics of each, (w, T, ny); those of `problem` are left as any of them.
+    """
+    squares = np.nan_to_num([f.point.squares for f in fits], nan=np.inf)
+    best = squares.argmin(0)
+    return [
+        _taken(problem, own, offset, fits, offsets, {w: best[w] for w in np.flatnonzero(lost)})
+        for own, offset, lost in zip(fits, offsets, squares > squares.min(0) + STRAY, strict=True)
+    ]
+
+
+def _taken(problem: Problem, own: Fit, offset: np.ndarray, fits, offsets, givers: dict[int, int]) -> Fit:
+    """`own` fitted with what the `givers` of some windows offer, where that helps."""
+    problem.offset = offset
+    if not givers:
+        return own
+    rows, point = np.array(list(givers)), own.point
+    part = problem.part(rows)
+    part.offset = np.stack([offsets[i][w] for w, i in givers.items()])
+    states = (np.stack([getattr(fits[i].point, name)[w] for w, i in givers.items()]) for name in ("qpos", "qvel"))
+    there = settled(part, own.coordinates, part.evaluate(point.hypothesis, *states, own.coordinates))
+    helps = there.squares < point.squares[rows] - SLIGHT
+    if not helps.any():
+        return own
+    kept, qpos, qvel = offset.copy(), point.qpos.copy(), point.qvel.copy()
+    for whole, new in zip((kept, qpos, qvel), (part.offset, there.qpos, there.qvel), strict=True):
+        whole[rows[helps]] = new[helps]
+    problem.offset = kept
+    start = problem.evaluate(point.hypothesis, qpos, qvel, own.coordinates)
+    return fit(problem, own.coordinates, start, 12, own.linear, refresh=False)
