@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco
@@ -16,6 +17,7 @@ from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import explain
 from fimpact.mismatch.judge import base_fit, bench, settle
 from fimpact.mismatch.model import check_model, refusal, write_model
+from fimpact.mismatch.replayed import replayed
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.recordings import Recording, Run, Unknown
@@ -222,12 +224,24 @@ def test_what_does_not_improve_held_out_runs_is_not_exported(tmp_path):
 def test_what_predicts_worse_than_the_naive_model_is_not_exported(rubbing, tmp_path, monkeypatch):
     diagnosis = diagnosis_of(rubbing, Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.015}))
     naive = model._ours(diagnosis, diagnosis.naming.naive.judged)
-    monkeypatch.setattr(model, "_replayed", lambda *_: 1.01 * naive)
+    monkeypatch.setattr(model, "_left", lambda *_, **__: 1.01 * naive)
     refused = write_model(diagnosis, tmp_path / "out")
     assert refused.files == [] and refused.difference is None and "depends on the time step" in refused.refusal
     assert not (tmp_path / "out").exists()
-    monkeypatch.setattr(model, "_replayed", lambda *_: 0.99 * naive)
+    monkeypatch.setattr(model, "_left", lambda *_, **__: 0.99 * naive)
     assert write_model(diagnosis, tmp_path / "out").files == [tmp_path / "out" / "improved.xml"]
+
+
+def test_files_that_differ_are_judged_from_initial_states_of_their_own(rubbing, tmp_path):
+    diagnosis = diagnosis_of(rubbing, Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.015}))
+    before = write_model(diagnosis, tmp_path).difference
+    best = diagnosis.naming.best
+    elsewhere = replace(best.judged.point, qvel=best.judged.point.qvel + 0.05)
+    diagnosis.naming.best = replace(best, judged=replace(best.judged, point=elsewhere))
+    left = [(replayed(diagnosis, tmp_path, profiled) ** 2).sum() for profiled in (False, True)]
+    assert left[0] > 2 * left[1]
+    assert check_model(diagnosis, tmp_path) == pytest.approx(before, abs=1e-2)
+    assert write_model(diagnosis, tmp_path).difference == pytest.approx(before, abs=1e-2)
 
 
 def test_meshes_travel_with_the_model(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.price import STATED, price
+from fimpact.mismatch.step import _shaped
 from fimpact.mismatch.weigh import _paid
 
 SAMPLES = 1000
@@ -68,3 +69,16 @@ def test_dispersed_data_know_less_of_a_shape():
     known = fitted("dahl", values, {"friction": 0.01, "displacement": 0.05}, sizes)
     rival, optimum = SimpleNamespace(parts=(known,)), SimpleNamespace(covariance=known.covariance)
     assert _paid([rival], [optimum], 16.0) == pytest.approx(np.array([[ONE, np.log(1 + 0.5**2)]]))
+
+
+@pytest.mark.parametrize(("shown", "left"), [(0.0, ["coulomb"]), (1.0, ["stribeck", "coulomb"])])
+def test_an_effect_whose_shape_means_nothing_is_the_one_without_it(shown, left):
+    def rival(effect, values, precision):
+        found = fitted(effect, values, dict.fromkeys(values, 0.01))
+        found.precision, found.scale = np.diag([1.0, *precision]), np.ones(1 + len(precision))
+        return SimpleNamespace(placed=found.point.hypothesis.placed, fitted=found, effect=effect)
+
+    at_rest = rival("stribeck", {"coulomb": 0.2, "excess": 0.0, "speed": 0.01}, [1.0, 0.0, shown])
+    search = SimpleNamespace(ranked=lambda rivals: rivals)
+    assert [r.effect for r in _shaped(search, [at_rest, rival("coulomb", {"friction": 0.2}, [1.0])])] == left
+    assert _shaped(search, [at_rest]) == [at_rest]

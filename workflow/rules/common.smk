@@ -53,7 +53,7 @@ LAWS = ["quiet"] + [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch
 NAMING = [
     f"mismatch/{name}"
     for name in (
-        "accept calibrate callback curves diagnose export locate merge mjcf model name nameless naming pairs pooled step tame weigh"
+        "accept calibrate callback curves diagnose export locate merge mjcf model name nameless naming pairs pooled replayed step tame weigh"
     ).split()
 ]
 OTHERS = ["knobs", "peers", "mismatch/blackbox", "mismatch/locate"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from fimpact.mismatch.calibrate import adjusted, background, carried
 from fimpact.mismatch.colour import beside, coloured, disturbance
-from fimpact.mismatch.explain import Explanation, corrected, refit
+from fimpact.mismatch.explain import Explanation, corrected, refit, shapes_of
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.merge import merged
@@ -33,6 +33,7 @@ RIVAL = 0.4  # share of the best candidate's predicted gain below which a candid
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
 CLOSE = 1e-4  # weight, relative to the likeliest, above which the error of the time step could change the order
+VOID = 1e-4  # squares by which a shape's whole scale must change predictions to mean anything
 EVEN = 0.8  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
 
@@ -112,7 +113,21 @@ def _rivals(search: Search, current: Explanation, screened: list[Candidate], mos
         if len(found) == len(rivals):
             break
         rivals = found
-    return rivals
+    return _shaped(search, rivals)
+
+
+def _shaped(search: Search, rivals: list[Explanation]) -> list[Explanation]:
+    """`rivals` without those that have come to rest where a shape of theirs means nothing, if any others are left: they
+    are another effect, which has no such shape."""
+    kept = [r for r in rivals if not _void(r)]
+    return search.ranked(kept) if 0 < len(kept) < len(rivals) else rivals
+
+
+def _void(rival: Explanation) -> bool:
+    """Whether all of a shape's scale would change predictions by next to nothing."""
+    values, shown = rival.fitted.coordinates.values, np.diag(rival.fitted.precision) * rival.fitted.scale**2
+    row = {value: rival.fitted.coordinates.unknowns + i for i, value in enumerate(values)}
+    return any(shown[row[shape]] < VOID for shape in shapes_of(rival.placed))
 
 
 def together(search: Search, current: Explanation, alone: Step) -> Step:
@@ -123,7 +138,7 @@ def together(search: Search, current: Explanation, alone: Step) -> Step:
     for pair in tried.values():
         search.progress(f"refitting with {' and '.join(c.placed.name for c in pair)}")
         rivals.append(refit(search.bench, current, *pair))
-    return replace(alone, rivals=search.compared(rivals))
+    return replace(alone, rivals=_shaped(search, search.compared(rivals)))
 
 
 def _by_gain(fitted: Fit, candidates: list[Candidate]) -> list[Candidate]:
