@@ -9,7 +9,7 @@ from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.fit import Fit, fit, relinearised
-from fimpact.mismatch.judge import Bench, again, base_fit, correct, settle
+from fimpact.mismatch.judge import Bench, again, base_fit, correct, plainly, settle
 from fimpact.mismatch.offer import offered
 from fimpact.mismatch.price import price
 from fimpact.mismatch.problem import Linear, Point, Problem
@@ -166,12 +166,18 @@ def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanat
     return explanation
 
 
-def moved(bench: Bench, explanation: Explanation, hypothesis: Hypothesis, near: Point) -> Explanation:
-    """`explanation` at another hypothesis, its training windows begun as those of `near`, with numerics of its own."""
+def moved(
+    bench: Bench, explanation: Explanation, hypothesis: Hypothesis, near: Point, rest: bool = False
+) -> Explanation:
+    """`explanation` at another hypothesis, its training windows begun as those of `near`, with numerics of its own,
+    taken once, or sought until they `rest`."""
     fitted, parts = explanation.fitted, []
     begun = (near, fitted.linear), (explanation.judged.point, explanation.judged.linear)
     for problem, (point, linear) in zip((bench.training, bench.held_out), begun, strict=True):
         found = settle(problem, hypothesis, point, linear)
+        if rest:
+            parts.append(again(bench, problem, found))
+            continue
         correct(bench, problem, found.point)
         parts.append(settle(problem, hypothesis, found.point, found.linear))
     where = parts[0].point.qpos, parts[0].point.qvel
@@ -180,3 +186,11 @@ def moved(bench: Bench, explanation: Explanation, hypothesis: Hypothesis, near: 
         return replace(explanation, fitted=replace(fitted, point=point), deviance=np.inf)
     fitted = relinearised(bench.training, replace(fitted, point=point))
     return replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)
+
+
+def told(bench: Bench, naive: Explanation, best: Explanation) -> tuple[Explanation, Explanation]:
+    """Both with held-out windows as their errors are told (`plainly`); numerics are left as those of `best`."""
+    before = bench.offsets
+    bare = replace(naive, judged=plainly(bench.held_out, naive.judged))
+    bench.restore(before)
+    return bare, replace(best, judged=plainly(bench.held_out, best.judged))

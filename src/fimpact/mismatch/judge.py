@@ -12,7 +12,7 @@ import numpy as np
 from fimpact.mismatch.coordinates import NOTHING, Coordinates
 from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.problem import Linear, Point, Problem
-from fimpact.mismatch.settle import first_point, restarted
+from fimpact.mismatch.settle import first_point, restarted, settled
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level, start_spread, start_states
 from fimpact.mismatch.windows import cut
@@ -21,6 +21,7 @@ from fimpact.recordings import Recording
 ROUNDS = 4  # of numerics and fit in turn, at most
 STILL = 3.0  # standard deviations squared, all samples together: no conclusion hangs on less
 FAINT = 1e-4  # nor on less than this share of the squares that are left
+RESTLESS = 9.0  # squares by which what is extrapolated of a window may move with the start that is fitted beside it
 # Of a change with the step: how far from half of it the next one may be, where it is not extrapolated yet, and is.
 HALVES = (0.25, 0.5)
 
@@ -57,12 +58,12 @@ def bench(recording: Recording) -> Bench:
     return Bench(*problems, (Simulator(recording, 2), Simulator(recording, 4)), noise)
 
 
-def correct(bench: Bench, problem: Problem, point: Point) -> float:
+def correct(bench: Bench, problem: Problem, point: Point) -> np.ndarray:
     """Set the problem's numerical offset at `point` to what Richardson's extrapolation of y_h, y_{h/2} and y_{h/4}
     adds to y_h, for a first-order integrator, and count half its last step, `bend`, as noise; it is taken once.
 
     Returns:
-        How far the offset moved: the sum of squares, in standard deviations of the noise.
+        How far the offset of each window moved, (w,): the sum of squares, in standard deviations of the noise.
     """
     where = (problem.windows, point.qpos, point.qvel)
     whole, half, quarter = (s.predict(point.hypothesis, *where) for s in (problem.simulator, *bench.finer))
@@ -74,7 +75,7 @@ def correct(bench: Bench, problem: Problem, point: Point) -> float:
     offset *= converging(problem, half - whole, quarter - half)
     moved = problem.whiten(offset - problem.offset)
     problem.offset = offset
-    return float((moved**2).sum())
+    return (moved**2).sum(1)
 
 
 def converging(problem: Problem, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -106,16 +107,57 @@ def base_fit(
 
 
 def again(bench: Bench, problem: Problem, found: Fit) -> Fit:
-    """Numerics corrected at `found` and the fit continued from there, until the one no longer moves the other."""
+    """Numerics corrected at `found` and the fit continued from there, until the one no longer moves the other; `calmed`
+    where that has no end."""
     for _ in range(ROUNDS):
-        moved = correct(bench, problem, found.point)
-        point = found.point
-        start = problem.evaluate(point.hypothesis, point.qpos, point.qvel, found.coordinates)
-        start = restarted(problem, found.coordinates, start)
-        found = fit(problem, found.coordinates, start, 12, found.linear, refresh=False)
+        moved = correct(bench, problem, found.point).sum()
+        found = _continued(problem, found)
         if moved < max(STILL, FAINT * found.point.squares.sum()):
-            break
-    return found
+            return found
+    return calmed(bench, problem, found)
+
+
+def _continued(problem: Problem, found: Fit) -> Fit:
+    point = found.point
+    start = problem.evaluate(point.hypothesis, point.qpos, point.qvel, found.coordinates)
+    start = restarted(problem, found.coordinates, start)
+    return fit(problem, found.coordinates, start, 12, found.linear, refresh=False)
+
+
+def calmed(bench: Bench, problem: Problem, found: Fit) -> Fit:
+    """`found`, without extrapolation of the windows where it would be another at every start that is fitted beside it,
+    if they fit better so: what a collision does between two steps is no error of a step."""
+    before = problem.offset
+    restless = (correct(bench, problem, found.point) > RESTLESS) & before.any((1, 2))
+    problem.offset = before
+    if not restless.any():
+        return found
+    plain = _plain(problem, found, np.flatnonzero(restless), 0.0)
+    return found if plain is found else _continued(problem, plain)
+
+
+def plainly(problem: Problem, judged: Fit) -> Fit:
+    """`judged` as its errors are told, whoever fitted it: windows that the time step as it is fits clearly better, from
+    starts sought once more, are taken so. It is what the model does where nothing is extrapolated."""
+    return _plain(problem, judged, np.arange(len(problem.offset)), RESTLESS)
+
+
+def _plain(problem: Problem, found: Fit, rows: np.ndarray, by: float) -> Fit:
+    """`found`, and of the windows `rows` those without extrapolation that fit better so, by some squares."""
+    part, own = problem.part(rows), found.point
+    part.offset = np.zeros_like(part.offset)
+    there = settled(part, NOTHING, part.evaluate(own.hypothesis, own.qpos[rows], own.qvel[rows], NOTHING))
+    taken = there.squares < own.squares[rows] - by
+    if not taken.any():
+        return found
+    states = {name: getattr(own, name).copy() for name in ("qpos", "qvel", "residual")}
+    for name, whole in states.items():
+        whole[rows[taken]] = getattr(there, name)[taken]
+    problem.offset = problem.offset.copy()
+    problem.offset[rows[taken]] = 0.0
+    # Others keep what they have: the problem's numerics may be another explanation's by now.
+    bent = own.cost - (own.residual**2).sum() / 2 if np.isfinite(own.cost) else 0.0
+    return replace(found, point=replace(own, **states, cost=float((states["residual"] ** 2).sum() / 2 + bent)))
 
 
 def exposed(problem: Problem, judged: Fit, fitted: Fit) -> Fit:

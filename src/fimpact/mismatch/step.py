@@ -125,9 +125,9 @@ def _shaped(search: Search, rivals: list[Explanation]) -> list[Explanation]:
 
 def _void(rival: Explanation) -> bool:
     """Whether all of a shape's scale would change predictions by next to nothing."""
-    values, shown = rival.fitted.coordinates.values, np.diag(rival.fitted.precision) * rival.fitted.scale**2
-    row = {value: rival.fitted.coordinates.unknowns + i for i, value in enumerate(values)}
-    return any(shown[row[shape]] < VOID for shape in shapes_of(rival.placed))
+    fitted, shapes = rival.fitted, shapes_of(rival.placed)
+    rows = [fitted.coordinates.unknowns + fitted.coordinates.values.index(shape) for shape in shapes]
+    return any(fitted.precision[row, row] * fitted.scale[row] ** 2 < VOID for row in rows)
 
 
 def together(search: Search, current: Explanation, alone: Step) -> Step:

@@ -35,7 +35,7 @@ def tamed(bench: Bench, explanation: Explanation) -> Explanation:
         point = there
     if point is first:
         return explanation
-    before, there = bench.offsets, moved(bench, explanation, point.hypothesis, point)
+    before, there = bench.offsets, moved(bench, explanation, point.hypothesis, point, rest=True)
     if _unlikely(there.fitted.point) < _unlikely(first):
         return there
     bench.restore(before)
