@@ -369,6 +369,7 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
     stub("refit", lambda bench, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True))
     stub("disturbance", lambda *_: None)
     stub("coloured", lambda *_: "left")
+    stub("_void", lambda rival: False)
     monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
     search, current = Search(None, (), None, None, lambda _: None), SimpleNamespace(fitted="sensors")
     assert [r.placed[-1].name for r in _rivals(search, current, [candidate("a")], 8)] == ["a", "b", "c"]
