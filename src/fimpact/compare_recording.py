@@ -11,7 +11,7 @@ import pandas as pd
 from fimpact.knobs import Knobs, freed, freed_knobs, own_knobs
 from fimpact.mismatch.explain import naive_fit
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, again, bench, correct, plainly, settle
+from fimpact.mismatch.judge import Bench, again, bench, correct, settle
 from fimpact.mismatch.per_run import error_per_run, unit_of
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.simulate import Hypothesis
@@ -97,7 +97,7 @@ def _blackbox(recording: Recording):
 
 
 def _judged(made: Bench, judged: Fit) -> tuple[str, dict[str, float]]:
-    return unit_of(made), error_per_run(made, plainly(made.held_out, again(made, made.held_out, judged)))
+    return unit_of(made), error_per_run(made, again(made, made.held_out, judged))
 
 
 PEERS = {"sysid": _sysid, "sysid_freed": _sysid_freed, "blackbox": _blackbox}

@@ -15,7 +15,7 @@ from fimpact.effects.own import load_effects
 from fimpact.mismatch.colour import colour, disturbance
 from fimpact.mismatch.diagnose import in_words, parameter_rows, value_in_words
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
-from fimpact.mismatch.explain import Explanation, naive_fit, told
+from fimpact.mismatch.explain import Explanation, naive_fit
 from fimpact.mismatch.insist import insisted
 from fimpact.mismatch.judge import Bench, bench
 from fimpact.mismatch.pulses import pulses
@@ -68,9 +68,7 @@ def fit_recording(
             f"{silent[0]}: the training runs of {case} show nothing of it that the unknowns would not do as well, or "
             "all of them diverge; leave it out"
         )
-    covariance = _covariance(made, naive, best)
-    naive, best = told(made, naive, best)
-    return Insisted(recording, naive, best, covariance, weigh_evidence(made, naive, best))
+    return Insisted(recording, naive, best, _covariance(made, naive, best), weigh_evidence(made, naive, best))
 
 
 def _places(made: Bench, names: Sequence[str]) -> list[tuple[Effect, str]]:

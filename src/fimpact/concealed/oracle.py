@@ -5,7 +5,7 @@ import numpy as np
 from fimpact.concealed.truth import Truth
 from fimpact.effects import EFFECTS
 from fimpact.mismatch.evidence import weigh_evidence
-from fimpact.mismatch.explain import naive_fit, told
+from fimpact.mismatch.explain import naive_fit
 from fimpact.mismatch.insist import insisted
 from fimpact.mismatch.judge import bench
 from fimpact.recordings import Recording
@@ -26,4 +26,4 @@ def _oracle(recording: Recording, truth: Truth) -> float:
     made = bench(recording)
     naive = naive_fit(made)
     known = insisted(made, naive, [(EFFECTS[effect.name], effect.site) for effect in truth.effects])
-    return weigh_evidence(made, *told(made, naive, known)).after
+    return weigh_evidence(made, naive, known).after

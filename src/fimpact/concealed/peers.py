@@ -19,7 +19,7 @@ from fimpact.knobs import own_knobs
 from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import Explanation, explain, naive_fit, refit
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, again, bench, plainly, settle
+from fimpact.mismatch.judge import Bench, again, bench, settle
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import Candidate, proposals, screen
 from fimpact.mismatch.simulate import Hypothesis
@@ -71,8 +71,7 @@ def _judged(made: Bench, naive: Explanation, hypothesis: Hypothesis) -> float:
 def _error(made: Bench, naive: Explanation, judged: Fit) -> float:
     """Held-out error of `judged`, its initial states and the time step's error sought as for our own models."""
     before = made.offsets
-    judged = plainly(made.held_out, again(made, made.held_out, judged))
-    error = held_out_error(made, naive, explain(naive.fitted, judged))
+    error = held_out_error(made, naive, explain(naive.fitted, again(made, made.held_out, judged)))
     made.restore(before)
     return error
 

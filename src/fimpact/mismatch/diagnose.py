@@ -1,7 +1,7 @@
 """All stages in their order: from a recording to a diagnosis that can be written down."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
 import mujoco
@@ -11,7 +11,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
 from fimpact.effects.sensing import CHANNEL
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
-from fimpact.mismatch.explain import Explanation, sizes_of, told
+from fimpact.mismatch.explain import Explanation, sizes_of
 from fimpact.mismatch.judge import Bench, bench
 from fimpact.mismatch.locate import Location, locate
 from fimpact.mismatch.name import name
@@ -73,8 +73,7 @@ def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line
     naming = name(made, list(EFFECTS.values()), progress)
     progress("locating what it leaves unexplained")
     location = locate(made.training, naming.naive.fitted, naming.pulses)
-    naive, best = told(made, naming.naive, naming.best)
-    naming, evidence = replace(naming, naive=naive, best=best), weigh_evidence(made, naive, best)
+    evidence = weigh_evidence(made, naming.naive, naming.best)
     return Diagnosis(recording, made, naming, location, evidence, verdict(naming, recording, location, evidence))
 
 

@@ -9,7 +9,7 @@ from fimpact.effects.base import Placed
 from fimpact.mismatch.colour import colour, disturbance, generalised
 from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.fit import Fit, fit, relinearised
-from fimpact.mismatch.judge import Bench, again, base_fit, correct, plainly, settle
+from fimpact.mismatch.judge import Bench, again, base_fit, correct, settle
 from fimpact.mismatch.offer import offered
 from fimpact.mismatch.price import price
 from fimpact.mismatch.problem import Linear, Point, Problem
@@ -186,11 +186,3 @@ def moved(
         return replace(explanation, fitted=replace(fitted, point=point), deviance=np.inf)
     fitted = relinearised(bench.training, replace(fitted, point=point))
     return replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)
-
-
-def told(bench: Bench, naive: Explanation, best: Explanation) -> tuple[Explanation, Explanation]:
-    """Both with held-out windows as their errors are told (`plainly`); numerics are left as those of `best`."""
-    before = bench.offsets
-    bare = replace(naive, judged=plainly(bench.held_out, naive.judged))
-    bench.restore(before)
-    return bare, replace(best, judged=plainly(bench.held_out, best.judged))

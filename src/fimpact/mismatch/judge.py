@@ -120,44 +120,29 @@ def again(bench: Bench, problem: Problem, found: Fit) -> Fit:
 def _continued(problem: Problem, found: Fit) -> Fit:
     point = found.point
     start = problem.evaluate(point.hypothesis, point.qpos, point.qvel, found.coordinates)
-    start = restarted(problem, found.coordinates, start)
+    start = settled(problem, found.coordinates, restarted(problem, found.coordinates, start), known=found.linear)
     return fit(problem, found.coordinates, start, 12, found.linear, refresh=False)
 
 
 def calmed(bench: Bench, problem: Problem, found: Fit) -> Fit:
     """`found`, without extrapolation of the windows where it would be another at every start that is fitted beside it,
     if they fit better so: what a collision does between two steps is no error of a step."""
-    before = problem.offset
-    restless = (correct(bench, problem, found.point) > RESTLESS) & before.any((1, 2))
+    before, point = problem.offset, found.point
+    restless = (correct(bench, problem, point) > RESTLESS) & before.any((1, 2))
     problem.offset = before
-    if not restless.any():
+    rows = np.flatnonzero(restless)
+    if not len(rows):
         return found
-    plain = _plain(problem, found, np.flatnonzero(restless), 0.0)
-    return found if plain is found else _continued(problem, plain)
-
-
-def plainly(problem: Problem, judged: Fit) -> Fit:
-    """`judged` as its errors are told, whoever fitted it: windows that the time step as it is fits clearly better, from
-    starts sought once more, are taken so. It is what the model does where nothing is extrapolated."""
-    return _plain(problem, judged, np.arange(len(problem.offset)), RESTLESS)
-
-
-def _plain(problem: Problem, found: Fit, rows: np.ndarray, by: float) -> Fit:
-    """`found`, and of the windows `rows` those without extrapolation that fit better so, by some squares."""
-    part, own = problem.part(rows), found.point
+    part = problem.part(rows)
     part.offset = np.zeros_like(part.offset)
-    there = settled(part, NOTHING, part.evaluate(own.hypothesis, own.qpos[rows], own.qvel[rows], NOTHING))
-    taken = there.squares < own.squares[rows] - by
-    if not taken.any():
+    there = settled(part, NOTHING, part.evaluate(point.hypothesis, point.qpos[rows], point.qvel[rows], NOTHING))
+    better = there.squares < point.squares[rows]
+    if not better.any():
         return found
-    states = {name: getattr(own, name).copy() for name in ("qpos", "qvel", "residual")}
-    for name, whole in states.items():
-        whole[rows[taken]] = getattr(there, name)[taken]
-    problem.offset = problem.offset.copy()
-    problem.offset[rows[taken]] = 0.0
-    # Others keep what they have: the problem's numerics may be another explanation's by now.
-    bent = own.cost - (own.residual**2).sum() / 2 if np.isfinite(own.cost) else 0.0
-    return replace(found, point=replace(own, **states, cost=float((states["residual"] ** 2).sum() / 2 + bent)))
+    qpos, qvel, problem.offset = point.qpos.copy(), point.qvel.copy(), before.copy()
+    for whole, new in ((qpos, there.qpos), (qvel, there.qvel), (problem.offset, part.offset)):
+        whole[rows[better]] = new[better]
+    return _continued(problem, replace(found, point=problem.evaluate(point.hypothesis, qpos, qvel, found.coordinates)))
 
 
 def exposed(problem: Problem, judged: Fit, fitted: Fit) -> Fit:
