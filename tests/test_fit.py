@@ -11,6 +11,7 @@ from mujoco.rollout import Rollout
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.mismatch import judge
 from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.explain import explain
 from fimpact.mismatch.fit import SETTLED, fit, negligible
@@ -192,6 +193,20 @@ def test_what_the_time_step_is_blamed_for_is_dropped_where_it_cannot_be(sliding)
     mended = calmed(sliding, problem, spoiled).point
     assert not problem.offset.any() and spoiled.point.squares[1] > 5 * before[1]
     assert (mended.squares <= 1.01 * before).all()
+
+
+def test_numerics_are_followed_by_each_window_before_what_they_share(sliding, monkeypatch):
+    """Of all squares together what one window has to gain may be next to nothing, and the fit then leaves it there."""
+    problem = copy(sliding.held_out)
+    problem.offset = np.zeros_like(problem.offset)
+    start = first_point(problem, coordinates(problem.simulator), Hypothesis(np.array([TRUE])))
+    best = settle(problem, start.hypothesis, start)
+    off = best.point.qvel + np.array([[4e-4, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    point = problem.evaluate(best.point.hypothesis, best.point.qpos, off, best.coordinates)
+    monkeypatch.setattr(judge, "fit", lambda problem, coordinates, start, *_, **__: replace(best, point=start))
+    found = judge._continued(problem, replace(best, point=point)).point
+    assert point.squares[0] > 1.5 * best.point.squares[0]
+    assert found.squares[0] < 1.01 * best.point.squares[0]
 
 
 def test_the_error_of_the_time_step_is_that_of_where_the_fit_now_is():

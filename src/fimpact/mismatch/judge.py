@@ -12,7 +12,7 @@ import numpy as np
 from fimpact.mismatch.coordinates import NOTHING, Coordinates
 from fimpact.mismatch.fit import Fit, fit, relinearised
 from fimpact.mismatch.problem import Linear, Point, Problem
-from fimpact.mismatch.settle import first_point, restarted, settled
+from fimpact.mismatch.settle import first_point, restarted, settled, tried
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level, start_spread, start_states
 from fimpact.mismatch.windows import cut
@@ -133,16 +133,9 @@ def calmed(bench: Bench, problem: Problem, found: Fit) -> Fit:
     rows = np.flatnonzero(restless)
     if not len(rows):
         return found
-    part = problem.part(rows)
-    part.offset = np.zeros_like(part.offset)
-    there = settled(part, NOTHING, part.evaluate(point.hypothesis, point.qpos[rows], point.qvel[rows], NOTHING))
-    better = there.squares < point.squares[rows]
-    if not better.any():
-        return found
-    qpos, qvel, problem.offset = point.qpos.copy(), point.qvel.copy(), before.copy()
-    for whole, new in ((qpos, there.qpos), (qvel, there.qvel), (problem.offset, part.offset)):
-        whole[rows[better]] = new[better]
-    return _continued(problem, replace(found, point=problem.evaluate(point.hypothesis, qpos, qvel, found.coordinates)))
+    plain = np.zeros_like(before[rows]), point.qpos[rows], point.qvel[rows]
+    start = tried(problem, found.coordinates, point, rows, plain, 0.0)
+    return found if start is point else _continued(problem, replace(found, point=start))
 
 
 def exposed(problem: Problem, judged: Fit, fitted: Fit) -> Fit:

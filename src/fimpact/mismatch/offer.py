@@ -10,7 +10,7 @@ import numpy as np
 
 from fimpact.mismatch.fit import Fit, fit
 from fimpact.mismatch.problem import Problem
-from fimpact.mismatch.settle import settled
+from fimpact.mismatch.settle import tried
 
 # Squares of a window by which another must fit it better to be asked how, and by which that must help.
 STRAY, SLIGHT = 9.0, 3.0
@@ -35,17 +35,8 @@ def _taken(problem: Problem, own: Fit, offset: np.ndarray, fits, offsets, givers
     problem.offset = offset
     if not givers:
         return own
-    rows, point = np.array(list(givers)), own.point
-    part = problem.part(rows)
-    part.offset = np.stack([offsets[i][w] for w, i in givers.items()])
+    rows = np.array(list(givers))
     states = (np.stack([getattr(fits[i].point, name)[w] for w, i in givers.items()]) for name in ("qpos", "qvel"))
-    there = settled(part, own.coordinates, part.evaluate(point.hypothesis, *states, own.coordinates))
-    helps = there.squares < point.squares[rows] - SLIGHT
-    if not helps.any():
-        return own
-    kept, qpos, qvel = offset.copy(), point.qpos.copy(), point.qvel.copy()
-    for whole, new in zip((kept, qpos, qvel), (part.offset, there.qpos, there.qvel), strict=True):
-        whole[rows[helps]] = new[helps]
-    problem.offset = kept
-    start = problem.evaluate(point.hypothesis, qpos, qvel, own.coordinates)
-    return fit(problem, own.coordinates, start, 12, own.linear, refresh=False)
+    other = np.stack([offsets[i][w] for w, i in givers.items()]), *states
+    start = tried(problem, own.coordinates, own.point, rows, other, SLIGHT)
+    return own if start is own.point else fit(problem, own.coordinates, start, 12, own.linear, refresh=False)

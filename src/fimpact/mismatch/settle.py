@@ -97,6 +97,22 @@ def moved(problem: Problem, point: Point, coordinates: Coordinates, z_step, x_st
     return problem.evaluate(hypothesis, *states, coordinates)
 
 
+def tried(problem: Problem, coordinates: Coordinates, point: Point, rows: np.ndarray, other: tuple, by: float) -> Point:
+    """`point`, and of its windows `rows` those with `other` numerics and starts, (offset, qpos, qvel), which `problem`
+    then has, that fit better so by some squares; `point` itself where none does."""
+    part = problem.part(rows)
+    part.offset, *states = other
+    there = settled(part, coordinates, part.evaluate(point.hypothesis, *states, coordinates))
+    helps = there.squares < point.squares[rows] - by
+    if not helps.any():
+        return point
+    offset, qpos, qvel = problem.offset.copy(), point.qpos.copy(), point.qvel.copy()
+    for whole, new in zip((offset, qpos, qvel), (part.offset, there.qpos, there.qvel), strict=True):
+        whole[rows[helps]] = new[helps]
+    problem.offset = offset
+    return problem.evaluate(point.hypothesis, qpos, qvel, coordinates)
+
+
 @DIVERGED
 def better(one: Point, other: Point) -> Point:
     """Two points of one hypothesis, each window's start from the one that fits it better."""
