@@ -348,6 +348,7 @@ def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
 
     catalogue = [SimpleNamespace(placed=SimpleNamespace(effect=SimpleNamespace(name=n))) for n in ("a", "b", "c")]
     search = Search(None, tuple(catalogue), None, None, print)
+    monkeypatch.setattr("fimpact.mismatch.step._void", lambda rival: False)
     for weights, expected in (({"b": 0.5, "a": 0.45, "c": 0.05}, "abc"), ({"b": 0.8, "a": 0.2}, "ba"), ({}, "")):
         rivals = [rival(name, weight) for name, weight in weights.items()]
         monkeypatch.setattr("fimpact.mismatch.step.weigh", lambda bench, pulses, held_out, given: given)
@@ -369,7 +370,6 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
     stub("refit", lambda bench, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True))
     stub("disturbance", lambda *_: None)
     stub("coloured", lambda *_: "left")
-    stub("_void", lambda rival: False)
     monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
     search, current = Search(None, (), None, None, lambda _: None), SimpleNamespace(fitted="sensors")
     assert [r.placed[-1].name for r in _rivals(search, current, [candidate("a")], 8)] == ["a", "b", "c"]

@@ -8,7 +8,7 @@ import pytest
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.price import STATED, price
-from fimpact.mismatch.step import _shaped
+from fimpact.mismatch.step import plainer
 from fimpact.mismatch.weigh import _paid
 
 SAMPLES = 1000
@@ -71,14 +71,21 @@ def test_dispersed_data_know_less_of_a_shape():
     assert _paid([rival], [optimum], 16.0) == pytest.approx(np.array([[ONE, np.log(1 + 0.5**2)]]))
 
 
-@pytest.mark.parametrize(("shown", "left"), [(0.0, ["coulomb"]), (1.0, ["stribeck", "coulomb"])])
-def test_an_effect_whose_shape_means_nothing_is_the_one_without_it(shown, left):
-    def rival(effect, values, precision):
+@pytest.mark.parametrize(
+    ("shown", "weight", "leads"), [(0.0, 0.4, "coulomb"), (1.0, 0.4, "stribeck"), (0.0, 0.001, "stribeck")]
+)
+def test_an_effect_whose_shape_means_nothing_does_not_lead_over_the_one_without_it(shown, weight, leads):
+    """But for one that the data refute: then the shape was needed on the way."""
+
+    def rival(effect, weight, values, precision):
         found = fitted(effect, values, dict.fromkeys(values, 0.01))
         found.precision, found.scale = np.diag([1.0, *precision]), np.ones(1 + len(precision))
-        return SimpleNamespace(placed=found.point.hypothesis.placed, fitted=found, effect=effect)
+        return SimpleNamespace(placed=found.point.hypothesis.placed, fitted=found, weight=weight)
 
-    at_rest = rival("stribeck", {"coulomb": 0.2, "excess": 0.0, "speed": 0.01}, [1.0, 0.0, shown])
-    search = SimpleNamespace(ranked=lambda rivals: rivals)
-    assert [r.effect for r in _shaped(search, [at_rest, rival("coulomb", {"friction": 0.2}, [1.0])])] == left
-    assert _shaped(search, [at_rest]) == [at_rest]
+    at_rest = rival("stribeck", 0.6, {"coulomb": 0.2, "excess": 0.0, "speed": 0.01}, [1.0, 0.0, shown])
+    rivals = [
+        at_rest,
+        rival("viscous", 0.5, {"damping": 0.1}, [1.0]),
+        rival("coulomb", weight, {"friction": 0.2}, [1.0]),
+    ]
+    assert plainer(at_rest, rivals).placed[0].effect.name == leads

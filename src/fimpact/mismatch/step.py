@@ -18,7 +18,7 @@ from fimpact.mismatch.merge import merged
 from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
-from fimpact.mismatch.weigh import weigh
+from fimpact.mismatch.weigh import generalises, members, weigh
 
 # Family-wise p at which a named effect is found; CERTAIN comes on top. Of 301 opened cases with nothing planted eight
 # had p of at most 0.005 and three of at most 0.002.
@@ -68,6 +68,7 @@ class Search:
         order = [c.placed.effect.name for c in self.candidates]
         even = [r for r in weighed if r.weight >= EVEN * weighed[0].weight]
         first = min(even, key=lambda r: sorted(order.index(p.effect.name) for p in r.placed), default=None)
+        first = plainer(first, weighed) if first else None
         return sorted(weighed, key=lambda r: r is not first)
 
     def compared(self, rivals: list[Explanation]) -> list[Explanation]:
@@ -113,14 +114,16 @@ def _rivals(search: Search, current: Explanation, screened: list[Candidate], mos
         if len(found) == len(rivals):
             break
         rivals = found
-    return _shaped(search, rivals)
+    return rivals
 
 
-def _shaped(search: Search, rivals: list[Explanation]) -> list[Explanation]:
-    """`rivals` without those that have come to rest where a shape of theirs means nothing, if any others are left: they
-    are another effect, which has no such shape."""
-    kept = [r for r in rivals if not _void(r)]
-    return search.ranked(kept) if 0 < len(kept) < len(rivals) else rivals
+def plainer(first: Explanation, rivals: list[Explanation]) -> Explanation:
+    """`first`, or the best of the `rivals` that says the same without the shape that means nothing where `first` has
+    come to rest: it leads, and `first`, which the data cannot refute, stays beside it."""
+    if not _void(first):
+        return first
+    kin = (r for r in members(first, rivals) if len(r.placed) == len(first.placed) and generalises(first, r))
+    return next((r for r in kin if not _void(r)), first)
 
 
 def _void(rival: Explanation) -> bool:
@@ -138,7 +141,7 @@ def together(search: Search, current: Explanation, alone: Step) -> Step:
     for pair in tried.values():
         search.progress(f"refitting with {' and '.join(c.placed.name for c in pair)}")
         rivals.append(refit(search.bench, current, *pair))
-    return replace(alone, rivals=_shaped(search, search.compared(rivals)))
+    return replace(alone, rivals=search.compared(rivals))
 
 
 def _by_gain(fitted: Fit, candidates: list[Candidate]) -> list[Candidate]:
