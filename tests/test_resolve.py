@@ -17,7 +17,7 @@ from fimpact.mismatch.explain import explain, sizes_of
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import base_fit, bench
 from fimpact.mismatch.problem import Linear, Problem
-from fimpact.mismatch.resolve import _anew, _fitted, _may_turn, remaining, resolve
+from fimpact.mismatch.resolve import _anew, _fitted, _may_turn, _priced, remaining, resolve
 from fimpact.mismatch.separate import MOST, _left, _moved, known, separations
 from fimpact.mismatch.settle import first_point, settled
 from fimpact.mismatch.simulate import Hypothesis
@@ -314,3 +314,12 @@ def test_square_waves_stay_within_the_limits_and_random_experiments_have_none():
     waved = np.array([allowed.unpack(design)[0] for design in allowed.draw(rng, 20, waves=True)])
     assert waved.min() >= -1.0 and waved.max() <= 2.0
     assert not allowed.draw(rng, 20)[:, 9].any()
+
+
+@pytest.mark.parametrize(("cost", "leads"), [(0.4, "coulomb@joint_2"), (0.5, "torque_offset@motor_2")])
+def test_after_an_experiment_the_first_of_the_catalogue_leads_equals(rivals, monkeypatch, cost, leads):
+    """As it does before."""
+    best, other = rivals[1]
+    costs = {best.name: cost, other.name: 0.0}
+    monkeypatch.setattr("fimpact.mismatch.resolve._cost", lambda rival: costs[rival.name])
+    assert _priced([other, best])[0].name == leads

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.effects import get_effect
+from fimpact.effects import EFFECTS, get_effect
 from fimpact.effects.base import Placed, Scales
 from fimpact.mismatch.coordinates import Coordinates, coordinates
 from fimpact.mismatch.explain import Explanation, beside, corrected, explain, shapes_of, sizes_of
@@ -18,8 +18,8 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, score
 from fimpact.mismatch.settle import first_point, settled
 from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.weigh import leading, weigh
 from fimpact.mismatch.weigh import members as untold
-from fimpact.mismatch.weigh import weigh
 from fimpact.recordings import Recording, Run
 
 TURNING = 0.5  # share of what it costs that data choose a shape which one step must promise to gain
@@ -39,7 +39,8 @@ def stated(recording: Recording, diagnosis: dict) -> np.ndarray:
 def resolve(
     recording: Recording, added: Sequence[Run], members: Sequence[dict[str, dict]], begin: np.ndarray | None = None
 ) -> list[Explanation]:
-    """Members refitted to the recording with the runs `added` to its training runs, in falling order of weight.
+    """Members refitted to the recording with the runs `added` to its training runs, in falling order of weight, but for
+    the first, which is `leading`.
 
     The first is fitted from what was measured, and the others from there: they are alike. Windows of the added runs
     that no member follows are left out: where a motion amplifies whatever is not known, it says nothing of any member,
@@ -167,7 +168,9 @@ def _priced(ranked: list[Explanation]) -> list[Explanation]:
     costs = np.array([cost for cost, _ in best.values()])
     raw = np.exp(-(costs - costs.min()) / 2)
     weighed = [replace(r, weight=float(w)) for (_, r), w in zip(best.values(), raw / raw.sum(), strict=True)]
-    return sorted(weighed, key=lambda r: -r.weight)
+    weighed.sort(key=lambda r: -r.weight)
+    first = leading(weighed, list(EFFECTS))
+    return sorted(weighed, key=lambda r: r is not first)
 
 
 def _cost(rival: Explanation) -> float:

@@ -18,7 +18,7 @@ from fimpact.mismatch.merge import merged
 from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
-from fimpact.mismatch.weigh import generalises, members, weigh
+from fimpact.mismatch.weigh import generalises, leading, members, weigh
 
 # Family-wise p at which a named effect is found; CERTAIN comes on top. Of 301 opened cases with nothing planted eight
 # had p of at most 0.005 and three of at most 0.002.
@@ -34,7 +34,6 @@ CLEAR = 10.0  # what comes on top of that for small gains, half of that share at
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
 CLOSE = 1e-4  # weight, relative to the likeliest, above which the error of the time step could change the order
 VOID = 1e-4  # squares by which a shape's whole scale must change predictions to mean anything
-EVEN = 0.8  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
 
 @dataclass(frozen=True)
@@ -65,10 +64,9 @@ class Search:
     def ranked(self, rivals: list[Explanation]) -> list[Explanation]:
         """Rivals by weight; of those that the data find about equal, the first of the catalogue leads."""
         weighed = weigh(self.bench, self.pulses, self.held_out, rivals)
-        order = [c.placed.effect.name for c in self.candidates]
-        even = [r for r in weighed if r.weight >= EVEN * weighed[0].weight]
-        first = min(even, key=lambda r: sorted(order.index(p.effect.name) for p in r.placed), default=None)
-        first = plainer(first, weighed) if first else None
+        if not weighed:
+            return []
+        first = plainer(leading(weighed, [c.placed.effect.name for c in self.candidates]), weighed)
         return sorted(weighed, key=lambda r: r is not first)
 
     def compared(self, rivals: list[Explanation]) -> list[Explanation]:

@@ -16,6 +16,7 @@ from fimpact.mismatch.simulate import Hypothesis
 STRAY = 9.0  # squares of a window by which another rival's sensitivities must do better to be taken
 # Weight, relative to the best, above which an explanation cannot be told from it; and one that says the same with more.
 MEMBERS, WORDY = 1 / 200, 1 / 40
+EVEN = 0.8  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
 
 def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
@@ -152,6 +153,13 @@ def members(
     `wordy` where they say the same with more coefficients."""
     needed = {False: least, True: wordy}
     return [best, *(r for r in others if r.weight >= needed[generalises(r, best)] * best.weight)] if best.placed else []
+
+
+def leading(ranked: list[Explanation], catalogue: Sequence[str]) -> Explanation:
+    """Of those `ranked` by weight that the data find about equal, the one whose effects come first in the
+    `catalogue`."""
+    even = [r for r in ranked if r.weight >= EVEN * ranked[0].weight]
+    return min(even, key=lambda r: sorted(catalogue.index(p.effect.name) for p in r.placed))
 
 
 def generalises(rival: Explanation | Hypothesis, best: Explanation | Hypothesis) -> bool:
