@@ -348,7 +348,7 @@ def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
 
     catalogue = [SimpleNamespace(placed=SimpleNamespace(effect=SimpleNamespace(name=n))) for n in ("a", "b", "c")]
     search = Search(None, tuple(catalogue), None, None, print)
-    monkeypatch.setattr("fimpact.mismatch.step.void", lambda rival: [])
+    monkeypatch.setattr("fimpact.mismatch.step._void", lambda rival: False)
     for weights, expected in (({"b": 0.5, "a": 0.45, "c": 0.05}, "abc"), ({"b": 0.8, "a": 0.2}, "ba"), ({}, "")):
         rivals = [rival(name, weight) for name, weight in weights.items()]
         monkeypatch.setattr("fimpact.mismatch.step.weigh", lambda bench, pulses, held_out, given: given)

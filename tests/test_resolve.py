@@ -101,7 +101,7 @@ def test_a_shape_that_no_recording_showed_is_sought_where_a_screening_seeks_it(r
         found = fitted(*given, **how)
         return replace(members[0], placed=found.point.hypothesis.placed, fitted=found)
 
-    monkeypatch.setattr("fimpact.mismatch.resolve.beside_member", fitted)
+    monkeypatch.setattr("fimpact.mismatch.resolve._fit", fitted)
     monkeypatch.setattr("fimpact.mismatch.resolve._refitted", explained)
     stated = explained(made, members[0], {"dahl@joint_2": {"friction": FRICTION, "displacement": 1e-6}}, False)
     found = _anew(made, stated).placed[0].values["displacement"]

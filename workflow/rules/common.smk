@@ -75,7 +75,7 @@ STAGES = {
         *NAMING,
         "units",
         "concealed/blind",
-        *(f"mismatch/{name}" for name in "discriminate resolve separate suppose".split()),
+        *(f"mismatch/{name}" for name in "discriminate resolve separate".split()),
     ],
     "peers": [*SHARED, *LAWS, *OTHERS, "concealed/peers"],
     "score": [*SHARED, *LAWS, *RIGS, "mismatch/insist"]
@@ -85,7 +85,7 @@ STAGES = {
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
     + "scene stage replay gif examples".split(),
     "diagnose_recording": [*READ, *LAWS, *NAMING]
-    + [f"mismatch/{name}" for name in "discriminate per_run resolve separate shape suppose".split()]
+    + [f"mismatch/{name}" for name in "discriminate per_run separate shape".split()]
     + "tables looks scene stage gif motion film added_force report_figures report_look report_where".split()
     + "experiment report report_contents report_numbers diagnose_recording effects/own".split(),
     "compare_recording": [*READ, *OTHERS, "quiet", *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]

@@ -19,7 +19,6 @@ from fimpact.mismatch.simulate import Hypothesis
 
 WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
 HALVINGS = 12  # of a strength at which the motion diverges
-VOID = 1e-4  # squares by which a shape's whole scale must change predictions to mean anything
 SHARPER = 2  # generalised steps from a fit by ordinary least squares
 
 
@@ -143,16 +142,6 @@ def shapes_of(placed: Sequence[Placed]) -> list[tuple[int, str]]:
     """Values without a meaning where the amplitude is zero, and fitted: (index of the placed effect, name) each."""
     shapes = [(i, c.name) for i, p in enumerate(placed) for c in p.effect.coefficients if c.shape]
     return [(i, name) for i, name in shapes if name not in placed[i].held]
-
-
-def void(rival: Explanation) -> list[tuple[int, str]]:
-    """Those of its shapes all of whose scale would change predictions by next to nothing."""
-    fitted, found = rival.fitted, []
-    for shape in shapes_of(rival.placed):
-        row = fitted.coordinates.unknowns + fitted.coordinates.values.index(shape)
-        if fitted.precision[row, row] * fitted.scale[row] ** 2 < VOID:
-            found.append(shape)
-    return found
 
 
 def numerics(bench: Bench, best: Explanation) -> Explanation:

@@ -56,7 +56,7 @@ def resolve(
     if all(lost(rival.fitted.point) for rival in rivals):
         far = None
         rivals = _fitted(made, rivals[0].fitted.point.hypothesis.theta, begun, far)
-    freed = [_refitted(made, rival, values_of(rival), far, held=False) for rival in rivals if _may_turn(made, rival)]
+    freed = [_refitted(made, rival, _values(rival), far, held=False) for rival in rivals if _may_turn(made, rival)]
     return _priced(_compared(made, rivals + freed))
 
 
@@ -71,7 +71,7 @@ def _followed(recording: Recording, added: list[Run], members: Sequence[dict], b
         begin = rivals[0].fitted.point.hypothesis.theta
         if not attempt and _stray(made, rivals, new).any():
             rivals = [_anew(made, rival) for rival in rivals]
-            begun = list(map(values_of, rivals))
+            begun = list(map(_values, rivals))
         strays = _stray(made, rivals, new)
         if attempt == PASSES or not strays.any():
             break
@@ -129,7 +129,7 @@ def _anew(made: Bench, rival: Explanation) -> Explanation:
         return rival
     begun = _beginnings(made.training, rival)
     # Most beginnings lead nowhere, and a few steps show which do not.
-    looks = [beside_member(made, rival, values, held=False, look=True) for values in begun]
+    looks = [_fit(made, rival, values, held=False, look=True) for values in begun]
     best = min(looks, key=lambda fitted: fitted.point.cost)
     near = replace(rival, fitted=relinearised(made.training, best))
     placed = near.fitted.point.hypothesis.placed
@@ -139,7 +139,7 @@ def _anew(made: Bench, rival: Explanation) -> Explanation:
 
 def _beginnings(problem: Problem, rival: Explanation) -> list[dict[str, dict]]:
     """Values of `rival` as they are, and with each shape in turn as a screening begins it."""
-    own, begun = values_of(rival), [values_of(rival)]
+    own, begun = _values(rival), [_values(rival)]
     for i, name in shapes_of(rival.placed):
         placed = rival.placed[i]
         values = sorted(_probed(problem, rival.fitted.point, placed, name) - {placed.values[name]})
@@ -147,8 +147,7 @@ def _beginnings(problem: Problem, rival: Explanation) -> list[dict[str, dict]]:
     return begun
 
 
-def values_of(rival: Explanation) -> dict[str, dict]:
-    """``effect@site`` -> values."""
+def _values(rival: Explanation) -> dict[str, dict]:
     return {placed.name: placed.values for placed in rival.placed}
 
 
@@ -201,12 +200,12 @@ def _left_out(made: Bench, added: list[Run], strays: np.ndarray) -> list[Run]:
 def _refitted(
     made: Bench, near: Explanation, member: dict[str, dict], far: Collection[int] | None = (), held: bool = True
 ) -> Explanation:
-    """`member` fitted (`beside_member`), and what that predicts of held-out windows."""
-    fitted = beside_member(made, near, member, far, held)
+    """`member` fitted (`_fit`), and what that predicts of held-out windows."""
+    fitted = _fit(made, near, member, far, held)
     return explain(fitted, settle(made.held_out, fitted.point.hypothesis, near.judged.point))
 
 
-def beside_member(
+def _fit(
     made: Bench,
     near: Explanation,
     member: dict[str, dict],
@@ -214,8 +213,8 @@ def beside_member(
     held: bool = True,
     look: bool = False,
 ) -> Fit:
-    """`member`, ``effect@site`` -> values, fitted from the unknowns and initial states of `near`; held: its shapes stay
-    as stated; look: a few steps only."""
+    """`member` fitted, from the unknowns and initial states of `near`; held: its shapes stay as stated; look: a few
+    steps only."""
     problem, point = made.training, near.fitted.point
     placed = _placed(member, problem, scales(problem, point))
     free = _free(problem, placed, held)

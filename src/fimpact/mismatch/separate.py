@@ -22,7 +22,6 @@ from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.simulate import Hypothesis
-from fimpact.mismatch.suppose import supposed
 from fimpact.mismatch.weigh import generalises
 from fimpact.mismatch.windows import Windows
 
@@ -43,7 +42,7 @@ class Known:
 def known(bench: Bench, members: list[Explanation]) -> Known:
     """What is known before the experiment."""
     found = pulses(bench.training, members[0].fitted)
-    pushing, fits = disturbance(members[0].fitted, found), [supposed(bench, member) for member in members]
+    pushing, fits = disturbance(members[0].fitted, found), [member.fitted for member in members]
     told = [_information(fitted, colour(found, pushing)) for fitted in fits]
     return Known(pushing, _meeting(fits, told), [block_diag(own, CLOCK**-2.0) for own in told])
 

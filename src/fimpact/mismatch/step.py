@@ -11,7 +11,7 @@ import numpy as np
 
 from fimpact.mismatch.calibrate import adjusted, background, carried
 from fimpact.mismatch.colour import beside, coloured, disturbance
-from fimpact.mismatch.explain import Explanation, corrected, refit, void
+from fimpact.mismatch.explain import Explanation, corrected, refit, shapes_of
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.merge import merged
@@ -33,6 +33,7 @@ RIVAL = 0.4  # share of the best candidate's predicted gain below which a candid
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
 CLOSE = 1e-4  # weight, relative to the likeliest, above which the error of the time step could change the order
+VOID = 1e-4  # squares by which a shape's whole scale must change predictions to mean anything
 
 
 @dataclass(frozen=True)
@@ -117,10 +118,17 @@ def _rivals(search: Search, current: Explanation, screened: list[Candidate], mos
 def plainer(first: Explanation, rivals: list[Explanation]) -> Explanation:
     """`first`, or the best of the `rivals` that says the same without the shape that means nothing where `first` has
     come to rest: it leads, and `first`, which the data cannot refute, stays beside it."""
-    if not void(first):
+    if not _void(first):
         return first
     kin = (r for r in members(first, rivals) if len(r.placed) == len(first.placed) and generalises(first, r))
-    return next((r for r in kin if not void(r)), first)
+    return next((r for r in kin if not _void(r)), first)
+
+
+def _void(rival: Explanation) -> bool:
+    """Whether all of a shape's scale would change predictions by next to nothing."""
+    fitted, shapes = rival.fitted, shapes_of(rival.placed)
+    rows = [fitted.coordinates.unknowns + fitted.coordinates.values.index(shape) for shape in shapes]
+    return any(fitted.precision[row, row] * fitted.scale[row] ** 2 < VOID for row in rows)
 
 
 def together(search: Search, current: Explanation, alone: Step) -> Step:
