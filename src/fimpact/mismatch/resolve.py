@@ -18,7 +18,7 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, score
 from fimpact.mismatch.settle import first_point, settled
 from fimpact.mismatch.simulate import Hypothesis
-from fimpact.mismatch.weigh import leading, weigh
+from fimpact.mismatch.weigh import leading, led_by, weigh
 from fimpact.mismatch.weigh import members as untold
 from fimpact.recordings import Recording, Run
 
@@ -169,8 +169,7 @@ def _priced(ranked: list[Explanation]) -> list[Explanation]:
     raw = np.exp(-(costs - costs.min()) / 2)
     weighed = [replace(r, weight=float(w)) for (_, r), w in zip(best.values(), raw / raw.sum(), strict=True)]
     weighed.sort(key=lambda r: -r.weight)
-    first = leading(weighed, list(EFFECTS))
-    return sorted(weighed, key=lambda r: r is not first)
+    return led_by(leading(weighed, list(EFFECTS)), weighed)
 
 
 def _cost(rival: Explanation) -> float:

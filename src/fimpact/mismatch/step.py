@@ -18,7 +18,7 @@ from fimpact.mismatch.merge import merged
 from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, score, two_sided
-from fimpact.mismatch.weigh import generalises, leading, members, weigh
+from fimpact.mismatch.weigh import generalises, leading, led_by, members, weigh
 
 # Family-wise p at which a named effect is found; CERTAIN comes on top. Of 301 opened cases with nothing planted eight
 # had p of at most 0.005 and three of at most 0.002.
@@ -62,12 +62,13 @@ class Search:
     progress: Callable[[str], None]
 
     def ranked(self, rivals: list[Explanation]) -> list[Explanation]:
-        """Rivals by weight; of those that the data find about equal, the first of the catalogue leads."""
+        """Rivals by weight; of those that the data find about equal, the first of the catalogue leads, or a `plainer`
+        one."""
         weighed = weigh(self.bench, self.pulses, self.held_out, rivals)
         if not weighed:
             return []
         first = plainer(leading(weighed, [c.placed.effect.name for c in self.candidates]), weighed)
-        return sorted(weighed, key=lambda r: r is not first)
+        return led_by(first, weighed)
 
     def compared(self, rivals: list[Explanation]) -> list[Explanation]:
         """`rivals` that could be simulated, ranked, each that comes near the likeliest with numerics of its own."""

@@ -162,6 +162,11 @@ def leading(ranked: list[Explanation], catalogue: Sequence[str]) -> Explanation:
     return min(even, key=lambda r: sorted(catalogue.index(p.effect.name) for p in r.placed))
 
 
+def led_by(first: Explanation, ranked: list[Explanation]) -> list[Explanation]:
+    """`first`, and the others of `ranked` in their order."""
+    return [first, *(r for r in ranked if r is not first)]
+
+
 def generalises(rival: Explanation | Hypothesis, best: Explanation | Hypothesis) -> bool:
     """Whether `rival` says what `best` says, with more coefficients: chance alone lets it fit somewhat better."""
     special = {(p.effect.name, p.site) for p in best.placed}
