@@ -21,7 +21,7 @@ from fimpact.concealed.split import SPLIT, best_split
 from fimpact.concealed.strangers import STRANGERS, known, plant
 from fimpact.concealed.truth import as_json, from_json, run_on_robot
 from fimpact.concealed.twins import TWINS
-from fimpact.concealed.world import new_world, play
+from fimpact.concealed.world import compiled, new_world, play
 from fimpact.effects import EFFECTS
 
 EVERYTHING = [(rig, name) for name, p in (plants.PLANTS | STRANGERS).items() for rig in p.sites]
@@ -100,6 +100,20 @@ def test_a_world_without_anything_planted_is_the_naive_model(motions, system):
 def test_the_truth_steps_at_least_ten_times_finer(system):
     assert RIGS[system].fine >= 10 * RIGS[system].coarse
     assert RIGS[system].period / RIGS[system].coarse == pytest.approx(RIGS[system].naive.opt.timestep)
+
+
+def test_a_shaft_with_play_stops_where_its_play_ends(motions):
+    rig, gap = rig_of("arm_free"), 0.004
+    world = new_world(rig, np.zeros(len(rig.unknowns)), fine=True)
+    plant(world, "backlash", "joint_2", {"gap": gap})
+    model = compiled(world)
+    data, lead = mujoco.MjData(model), []
+    for ctrl in np.repeat(motions["arm_free"].ctrl[0], world.steps, axis=0):
+        data.ctrl = ctrl
+        mujoco.mj_step(model, data)
+        lead.append(abs(data.joint("joint_2_behind").qpos[0]) / (gap / 2))
+    assert np.median(lead) == pytest.approx(1, abs=0.01)
+    assert np.quantile(lead, 0.99) < 1.2
 
 
 @pytest.mark.parametrize("system", RIGS)

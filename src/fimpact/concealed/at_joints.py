@@ -7,7 +7,7 @@ from fimpact.concealed.world import World
 
 NEARLY_NONE = 1e-9  # N m: a friction row must exist when the model is compiled
 RINGING = 2e-3  # s, damping of an elastic gear over its stiffness
-STOP = (0.005, 1.0)  # solref of hard stops, s and 1
+STOP = (0.001, 1.0)  # solref of hard stops, s and 1: at 5 ms the shaft overran them by more than half of the play
 FIRM = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp of hard stops: they give a ten-thousandth of what soft ones would
 
 
