@@ -7,7 +7,6 @@ candidate must stand out among all forces. Its p is adjusted for all candidates 
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.stats import chi2, norm
@@ -91,7 +90,7 @@ def adjusted(
     # Student's t where little is left to scale by.
     sd, freedom = np.sqrt(behind.scale(z**2) * (1 + lasting.share)), lasting.freedom(max(behind.freedom - 1, 1))
     t = _as(norm, student(freedom).logsf(np.abs(z) / sd)) * np.sign(z)
-    drawn = _joint_draws(columns, seed)
+    drawn = _joint_draws((columns / np.sqrt((columns**2).sum(0))).astype(np.float32), seed)
     largest = np.where(two_sided, np.abs(drawn), drawn).max(1)
     return _p(np.where(two_sided, np.abs(t), t), largest)
 
@@ -110,9 +109,8 @@ def adjusted_groups(
     # Fisher's F where little is left to scale by, and no evidence where nothing is.
     tails = [fisher(n, m).logsf(x) if m > 0 else 0.0 for n, m, x in zip(size, rest, ratio, strict=True)]
     observed = np.array([_as(chi2(n), tail) for n, tail in zip(size, tails, strict=True)])
-    drawn = _joint_draws(np.concatenate(bases, 1), seed) ** 2
-    edges = np.append(0, np.cumsum(size))
-    sums = np.stack([drawn[:, a:b].sum(1) for a, b in pairwise(edges)], 1)
+    drawn = _joint_draws(np.concatenate(bases, 1, dtype=np.float32), seed) ** 2
+    sums = np.add.reduceat(drawn, np.cumsum(size) - size, axis=1)
     stands_out = _root(observed, size)
     return _p(stands_out, _root(sums, size).max(1)), np.maximum(energy - size, 0.0), stands_out
 
@@ -127,9 +125,9 @@ def _root(squares: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.sqrt(2 * squares) - np.sqrt(2 * size - 1)
 
 
-def _joint_draws(columns: np.ndarray, seed: int) -> np.ndarray:
-    """Scores of noise, (DRAWS, c), correlated as the columns are: single precision is more than chance needs."""
-    unit = (columns / np.sqrt((columns**2).sum(0))).astype(np.float32)
+def _joint_draws(unit: np.ndarray, seed: int) -> np.ndarray:
+    """Scores of noise, (DRAWS, c), correlated as columns of length one, (m, c), are: single precision is more than
+    chance needs."""
     values, vectors = np.linalg.eigh(unit.T @ unit)
     used = values > NEGLIGIBLE * values[-1]
     values, root = values[used], vectors[:, used] * np.sqrt(values[used])

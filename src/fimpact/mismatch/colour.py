@@ -42,8 +42,7 @@ class Disturbance:
 
     def root(self) -> np.ndarray:
         """Cholesky factor of the covariance of the pulses, (nv * BINS, nv * BINS)."""
-        apart = np.abs(np.subtract.outer(np.arange(BINS), np.arange(BINS)))
-        return np.kron(np.diag(self.sd), np.linalg.cholesky(np.exp(-apart / self.memory) + 1e-9 * np.eye(BINS)))
+        return np.kron(np.diag(self.sd), _remembers(self.memory))
 
 
 @dataclass(frozen=True)
@@ -85,28 +84,56 @@ def disturbance(fitted: Fit, found: Pulses) -> Disturbance:
     gram, along = free.transpose(0, 2, 1) @ free, np.einsum("wmb,wm->wb", free, left)
     seen = gram.diagonal(0, 1, 2).mean(0).reshape(-1, BINS).mean(1)
     unit, nv = 1 / np.sqrt(np.maximum(seen, 1e-300)), len(seen)
+    if len(left) < FEW:
+        return Disturbance(np.zeros(nv), 1.0)
     energy, count = (left**2).sum(), _freedom(fitted)
 
     def read(z):
         return Disturbance(np.exp(z[:nv] / 2) * unit, float(np.exp(z[nv])))
 
-    def parts(z):
-        # Sizes are in units of the white part, whose own is then known: the residual's, less what forces take.
-        root = read(z).root()
-        inner = np.eye(len(root)) + root.T @ gram @ root
-        shown = along @ root
-        rest = energy - (shown * np.linalg.solve(inner, shown[..., None])[..., 0]).sum()
-        return np.linalg.slogdet(inner)[1].sum(), rest, max(rest / count, 1.0)
-
     def unlikely(z):
-        volume, rest, white = parts(z)
-        return volume + rest / white + count * np.log(white)
+        # Sizes are in units of the white part, whose own is then known: the residual's, less what forces take.
+        volume, taken, *slopes = _pushed(read(z), gram, along)
+        white = max((energy - taken) / count, 1.0)
+        return volume + (energy - taken) / white + count * np.log(white), slopes[0] - slopes[1] / white
 
-    if len(left) < FEW:
-        return Disturbance(np.zeros(nv), 1.0)
-    z = minimize(unlikely, np.append(np.zeros(nv), 1.0), method="L-BFGS-B", bounds=[SIZES] * nv + [MEMORIES]).x
-    noise, best = float(np.sqrt(parts(z)[2])), read(z)
+    bounds = [SIZES] * nv + [MEMORIES]
+    z = minimize(unlikely, np.append(np.zeros(nv), 1.0), jac=True, method="L-BFGS-B", bounds=bounds).x
+    noise, best = float(np.sqrt(max((energy - _pushed(read(z), gram, along)[1]) / count, 1.0))), read(z)
     return Disturbance(best.sd * noise, best.memory, noise)
+
+
+def _pushed(pushing: Disturbance, gram: np.ndarray, along: np.ndarray) -> tuple[float, float, np.ndarray, np.ndarray]:
+    """Log of the volume that `pushing` gives the residual, the squares that it takes of it, and how both change with
+    the log of the variance on each degree of freedom and of the memory, (nv + 1,) each.
+
+    Args:
+        gram: of the sensitivities to pulses, (w, nv BINS, nv BINS). along: the residual's share of them, (w, nv BINS).
+    """
+    root, nv = pushing.root(), len(pushing.sd)
+    inner = np.linalg.inv(np.eye(len(root)) + root.T @ gram @ root)
+    shown = along @ root
+    kept = (inner @ shown[..., None])[..., 0]
+    # Of each degree of freedom by itself: forces on several know nothing of one another.
+    used = len(gram) * np.eye(BINS) - _own(inner.sum(0), nv)
+    took = _own(kept.T @ kept, nv)
+    apart = np.abs(np.subtract.outer(np.arange(BINS), np.arange(BINS))) / pushing.memory
+    whole = np.linalg.inv(_remembers(pushing.memory))
+    longer = whole @ (np.exp(-apart) * apart) @ whole.T
+    slopes = [np.append(np.trace(own, axis1=1, axis2=2), (own * longer).sum()) for own in (used, took)]
+    return -np.linalg.slogdet(inner)[1].sum(), float((shown * kept).sum()), *slopes
+
+
+def _remembers(memory: float) -> np.ndarray:
+    """Cholesky factor of the correlation of bins, (BINS, BINS)."""
+    apart = np.abs(np.subtract.outer(np.arange(BINS), np.arange(BINS)))
+    return np.linalg.cholesky(np.exp(-apart / memory) + 1e-9 * np.eye(BINS))
+
+
+def _own(both: np.ndarray, count: int) -> np.ndarray:
+    """The `count` blocks on the diagonal of (count BINS, count BINS), (count, BINS, BINS)."""
+    each = np.arange(count)
+    return both.reshape(count, BINS, count, BINS)[each, :, each]
 
 
 def _freedom(fitted: Fit) -> float:

@@ -21,7 +21,7 @@ from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.pooled import refitted, stacked
 from fimpact.mismatch.problem import Problem
 from fimpact.mismatch.pulses import Pulses
-from fimpact.mismatch.score import Candidate, rescore, score
+from fimpact.mismatch.score import Candidate, rescore, scores
 
 NAMELESS = Placed(
     Effect("nameless", "residual", "", "", "", "force", (), lambda m, c: [], lambda s, m, k: [], np.zeros_like, {}),
@@ -70,8 +70,8 @@ def nameless(
             them.
     """
     groups: dict[tuple[str, What], list[np.ndarray]] = {}
-    for kind, what, column in _columns(bench, explanation, found):
-        candidate = score(fitted, NAMELESS, column)
+    kinds, whats, columns = zip(*_columns(bench, explanation, found), strict=True)
+    for kind, what, candidate in zip(kinds, whats, scores(fitted, [NAMELESS] * len(columns), columns), strict=True):
         if candidate.information > 0:
             groups.setdefault((kind, what), []).append(candidate.column.ravel())
     stacks = {name: np.stack(group, 1) for name, group in groups.items()}
@@ -112,15 +112,21 @@ def varying(problem: Problem, fitted: Fit, candidates: Sequence[Candidate]) -> d
     whole = [replace(candidate, change=stacked(candidate.change, rest)) for candidate in candidates]
     for candidate in sorted(rescore(fitted, whole), key=lambda c: -c.gain):
         best.setdefault(candidate.placed.name, candidate)
-    coordinates = fitted.linear.projected[:learned].reshape(learned * size[1], -1)
+    coordinates = np.linalg.qr(fitted.linear.projected[:learned].reshape(learned * size[1], -1))[0]
     found = {}
     for name, candidate in best.items():
         own = candidate.column[:learned]
-        alike = np.linalg.qr(np.column_stack([coordinates, own.ravel()]))[0]
         apart = differences(own, problem.windows.runs)
         if apart.shape[1]:
-            found["varying", (words(name),)] = np.pad(apart - alike @ (alike.T @ apart), [(0, rest.size), (0, 0)])
+            alone = _off(coordinates, own.reshape(-1, 1))
+            apart = _off(alone / max(np.linalg.norm(alone), 1e-300), _off(coordinates, apart))
+            found["varying", (words(name),)] = np.pad(apart, [(0, rest.size), (0, 0)])
     return found
+
+
+def _off(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """`columns`, (m, c), without what the orthonormal `basis`, (m, k), imitates."""
+    return columns - basis @ (basis.T @ columns)
 
 
 def differences(column: np.ndarray, runs: np.ndarray) -> np.ndarray:

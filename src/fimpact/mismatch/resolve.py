@@ -15,7 +15,7 @@ from fimpact.mismatch.price import STATED, schwarz
 from fimpact.mismatch.problem import Point, Problem
 from fimpact.mismatch.pulses import pulses
 from fimpact.mismatch.scales import scales
-from fimpact.mismatch.score import proposals, score
+from fimpact.mismatch.score import proposals, scores
 from fimpact.mismatch.settle import first_point, settled
 from fimpact.mismatch.simulate import Hypothesis
 from fimpact.mismatch.weigh import leading, led_by, weigh
@@ -117,8 +117,8 @@ def _may_turn(made: Bench, rival: Explanation) -> bool:
     point, which = fitted.point, [free.unknowns + free.values.index(value) for value in shapes]
     base = made.training.predict(point.hypothesis, point.qpos, point.qvel)
     columns = made.training.columns(point, free, which, base, fitted.linear)
-    scores = [score(fitted, rival.placed[i], columns[..., k]) for k, (i, _) in enumerate(shapes)]
-    gain = sum(s.z**2 for s in scores if s.information > 0)
+    found = scores(fitted, [rival.placed[i] for i, _ in shapes], list(np.moveaxis(columns, 2, 0)))
+    gain = sum(c.z**2 for c in found if c.information > 0)
     return gain > TURNING * len(shapes) * (schwarz(rival.parts) - STATED)
 
 

@@ -21,6 +21,7 @@ from fimpact.mismatch.tangent import Tangent, has_tangent, tangent
 from fimpact.mismatch.touch import can_touch
 
 SMALL = 1e-2  # share of its probe at which a linear effect is tried: in contact no tangent holds for all of it
+TOGETHER = 32  # columns that are scored at once
 INVISIBLE = 1e-3  # standard deviations: a probe that shows less, all samples together, is not a candidate
 
 
@@ -88,11 +89,10 @@ def proposals(effects: Sequence[Effect], problem: Problem, scales: Scales) -> li
 
 def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed]) -> list[Candidate]:
     """Score of every proposal at the fitted point; those that change nothing there are left out."""
-    found, secant = [], _Secant(problem, fitted)
-    for placed in tried:
-        change = secant(placed)
-        if np.isfinite(change).all():
-            found.append(score(fitted, placed, change))
+    secant = _Secant(problem, fitted)
+    changes = ((placed, secant(placed)) for placed in tried)
+    seen = [(placed, change) for placed, change in changes if np.isfinite(change).all()]
+    found = scores(fitted, *zip(*seen, strict=True)) if seen else []
     return [candidate for candidate in found if candidate.information > INVISIBLE**2]
 
 
@@ -150,21 +150,39 @@ def _times(placed: Placed, share: float) -> Placed:
 
 def rescore(fitted: Fit, candidates: Sequence[Candidate]) -> list[Candidate]:
     """The same probes beside another fit, their sensitivities taken as they were."""
-    again = [score(fitted, c.placed, c.change) for c in candidates]
+    again = scores(fitted, [c.placed for c in candidates], [c.change for c in candidates])
     return [c for c in again if c.information > INVISIBLE**2]
 
 
 def score(fitted: Fit, placed: Placed, change: np.ndarray) -> Candidate:
     """Score of one column, (w, m): the change that the probe makes."""
-    linear, inverse = fitted.linear, fitted.covariance
+    return scores(fitted, [placed], [change])[0]
+
+
+def scores(fitted: Fit, placed: Sequence[Placed], changes: Sequence[np.ndarray]) -> list[Candidate]:
+    """Score of each of some columns, (w, m) each: the changes that the probes of what is `placed` make."""
+    left, inverse = fitted.linear.off(fitted.point.residual), fitted.covariance
+    some = (slice(first, first + TOGETHER) for first in range(0, len(placed), TOGETHER))
+    return [c for own in some for c in _scores(fitted, left, inverse, placed[own], changes[own])]
+
+
+def _scores(fitted: Fit, left: np.ndarray, inverse: np.ndarray, placed, changes) -> list[Candidate]:
+    linear, change = fitted.linear, np.stack(changes, 2)
     free = linear.off(change)
-    along = np.einsum("wma,wm->a", linear.projected, free)
+    along = np.einsum("wma,wmc->ac", linear.projected, free, optimize=True)
     absorbed = inverse @ along
-    column = free - linear.projected @ absorbed
+    columns = free - linear.projected @ absorbed
     # The prior is an observation of the parameters: a fit that had to bend them votes for what they absorbed.
-    shares = np.append(np.einsum("wm,wm->w", column, linear.off(fitted.point.residual)), absorbed @ fitted.pull)
-    whole = linear.colour.white(change[..., None]) if linear.colour else change
-    left, all_, before = (free**2).sum() - along @ absorbed, (whole**2).sum(), (free**2).sum()
+    shares = np.vstack([(left[:, None] @ columns)[:, 0], absorbed.T @ fitted.pull])
+    whole = linear.colour.white(change) if linear.colour else change
+    all_, before = (np.einsum("wmc,wmc->c", own, own) for own in (whole, free))
+    told = shares.T, before - (along * absorbed).sum(0), all_, before, np.moveaxis(columns, 2, 0).copy()
+    return [_candidate(*own) for own in zip(placed, changes, *told, strict=True)]
+
+
+def _candidate(placed: Placed, change, shares, left, all_, before, column) -> Candidate:
+    """What is `left` of the squares of a column beside fitted parameters and initial states: of `all_` of them, or of
+    those that were there `before` parameters took theirs."""
     return Candidate(
         placed,
         shares,

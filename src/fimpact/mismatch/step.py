@@ -17,7 +17,7 @@ from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.merge import merged
 from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
-from fimpact.mismatch.score import Candidate, rescore, score, two_sided
+from fimpact.mismatch.score import Candidate, rescore, scores, two_sided
 from fimpact.mismatch.weigh import generalises, leading, led_by, members, weigh
 
 # Family-wise p at which a named effect is found; CERTAIN comes on top. Of 301 opened cases with nothing planted eight
@@ -163,7 +163,7 @@ def _refitted(
 def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit, list[Candidate]]:
     """`fitted` and the candidates, in the same order, under the disturbance that is left beside the strongest."""
     apart = coloured(fitted, search.pulses, beside(fitted, search.pulses, screened[0].change))
-    return apart, [score(apart, c.placed, c.change) for c in screened]
+    return apart, scores(apart, [c.placed for c in screened], [c.change for c in screened])
 
 
 def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
