@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
+KINEMATICS = "kinematics"  # key of a memory that is only room to work in
 ENTERS = ("model", "force", "friction", "gear", "command", "measurement")
 
 
@@ -80,6 +81,11 @@ class State:
     memory: dict = field(default_factory=dict)
     bodies: dict | None = None
 
+    @property
+    def remembers(self) -> bool:
+        """Whether a law has kept anything here."""
+        return bool(self.memory.keys() - {KINEMATICS})
+
     def joint(self, site: str) -> tuple[int, np.ndarray, np.ndarray]:
         """Degree of freedom, position (n,) and speed (n,) of the hinge or slide joint `site`."""
         joint = self.model.joint(site)
@@ -94,9 +100,9 @@ class State:
         return self.bodies[site]
 
     def _body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        if "kinematics" not in self.memory:  # making it takes longer than all that follows
-            self.memory["kinematics"] = mujoco.MjData(self.model)
-        data, body = self.memory["kinematics"], self.model.body(site).id
+        if KINEMATICS not in self.memory:  # making it takes longer than all that follows
+            self.memory[KINEMATICS] = mujoco.MjData(self.model)
+        data, body = self.memory[KINEMATICS], self.model.body(site).id
         position, jacobian = np.empty((len(self.qpos), 3)), np.zeros((len(self.qpos), 3, self.model.nv))
         for row, qpos in enumerate(self.qpos):
             data.qpos[:] = qpos

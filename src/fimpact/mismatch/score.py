@@ -6,7 +6,7 @@ concealment kappa = 1 - ||s_perp||^2 / ||s||^2. One simulation per candidate, or
 that is linearised for all of them (`tangent`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -89,8 +89,7 @@ def proposals(effects: Sequence[Effect], problem: Problem, scales: Scales) -> li
 
 def screen(problem: Problem, fitted: Fit, tried: Sequence[Placed]) -> list[Candidate]:
     """Score of every proposal at the fitted point; those that change nothing there are left out."""
-    secant = _Secant(problem, fitted)
-    changes = ((placed, secant(placed)) for placed in tried)
+    changes = zip(tried, _Secant(problem, fitted).each(tried), strict=True)
     seen = [(placed, change) for placed, change in changes if np.isfinite(change).all()]
     found = scores(fitted, *zip(*seen, strict=True)) if seen else []
     return [candidate for candidate in found if candidate.information > INVISIBLE**2]
@@ -105,12 +104,19 @@ class _Secant:
         self.touching = can_touch(problem.simulator.base)
         self.bare = has_tangent(problem.simulator, self.point)
 
-    def __call__(self, placed: Placed) -> np.ndarray:
+    def each(self, tried: Sequence[Placed]) -> Iterator[np.ndarray]:
+        """The change of each, one after the other."""
+        laws = [p for p in tried if self._is_slope(p)]
+        slopes = (change for some in in_turn(laws) for change in self._along(some))
+        return (next(slopes) if self._is_slope(placed) else self._secant(placed) for placed in tried)
+
+    def _is_slope(self, placed: Placed) -> bool:
+        return self.bare and placed.effect.linear and placed.effect.enters == "force"
+
+    def _secant(self, placed: Placed) -> np.ndarray:
         everywhere = np.arange(len(self.base))
         if not placed.effect.linear:
             return self._at(placed, 1.0, everywhere)
-        if placed.effect.enters == "force" and self.bare:
-            return self._along(placed)
         change = self._at(placed, SMALL, everywhere)
         if not (self.touching and np.isfinite(change).all()):
             return change
@@ -127,14 +133,11 @@ class _Secant:
         change = (problem.predict(added, point.qpos[rows], point.qvel[rows]) - self.base[rows]) / share
         return problem.extend(change[..., None])[..., 0]
 
-    def _along(self, placed: Placed) -> np.ndarray:
-        """What the force of a law on the way without it does: its own feedback is of second order."""
-        memory, force = {}, []
-        for state in self._tangent.passed:
-            state.memory = memory
-            force.append(placed.effect.law(state, placed.site, **placed.values))
-        change = self.problem.whiten(self._tangent.response(np.stack(force, 1)[..., None])[..., 0])
-        return self.problem.extend(change[..., None])[..., 0]
+    def _along(self, laws: Sequence[Placed]) -> list[np.ndarray]:
+        """What the force of each law on the way without it does: its own feedback is of second order."""
+        change = self._tangent.response(np.stack([self._tangent.force(law) for law in laws], 3))
+        shown = np.stack([self.problem.whiten(own) for own in np.moveaxis(change, 3, 0)], 2)
+        return list(np.moveaxis(self.problem.extend(shown), 2, 0))
 
     @cached_property
     def _tangent(self) -> Tangent:
@@ -162,8 +165,13 @@ def score(fitted: Fit, placed: Placed, change: np.ndarray) -> Candidate:
 def scores(fitted: Fit, placed: Sequence[Placed], changes: Sequence[np.ndarray]) -> list[Candidate]:
     """Score of each of some columns, (w, m) each: the changes that the probes of what is `placed` make."""
     left, inverse = fitted.linear.off(fitted.point.residual), fitted.covariance
-    some = (slice(first, first + TOGETHER) for first in range(0, len(placed), TOGETHER))
-    return [c for own in some for c in _scores(fitted, left, inverse, placed[own], changes[own])]
+    tried = list(zip(placed, changes, strict=True))
+    return [c for some in in_turn(tried) for c in _scores(fitted, left, inverse, *zip(*some, strict=True))]
+
+
+def in_turn(tried: Sequence) -> Iterator[Sequence]:
+    """Few enough at once."""
+    return (tried[first : first + TOGETHER] for first in range(0, len(tried), TOGETHER))
 
 
 def _scores(fitted: Fit, left: np.ndarray, inverse: np.ndarray, placed, changes) -> list[Candidate]:

@@ -4,12 +4,13 @@ Beside a hundred force laws that are screened, one simulation each would ask the
 x_{k+1} = A_k x_k + B_k f_k, y_k = C_k x_k + D_k f_k.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from mujoco import MjModel
 
-from fimpact.effects.base import State
+from fimpact.effects.base import Placed, State
 from fimpact.mismatch.problem import NUDGE, Point, Problem
 from fimpact.mismatch.simulate import DIVERGED, Simulator
 
@@ -35,6 +36,23 @@ class Tangent:
                 out.append(self.show[k] @ off + self.feel[k] @ own)
             off = self.move[k] @ off + self.push[k] @ own
         return np.stack(out, 1)
+
+    def force(self, placed: Placed) -> np.ndarray:
+        """Generalised force, (w, n, nv), of a law on the way without it: asked of all steps at once, or, where it
+        remembers, of one after the other."""
+        everywhere = replace(self.everywhere, memory={})
+        force = placed.effect.law(everywhere, placed.site, **placed.values)
+        if everywhere.remembers:
+            memory: dict = {}
+            steps = (replace(state, memory=memory) for state in self.passed)
+            force = np.concatenate([placed.effect.law(state, placed.site, **placed.values) for state in steps])
+        return force.reshape(len(self.passed), -1, force.shape[1]).swapaxes(0, 1)
+
+    @cached_property
+    def everywhere(self) -> State:
+        """All steps as one, the first of all windows first."""
+        parts = {n: np.concatenate([getattr(s, n) for s in self.passed]) for n in ("qpos", "qvel", "ctrl", "time")}
+        return replace(self.passed[0], **parts, bodies={})
 
 
 def has_tangent(simulator: Simulator, point: Point) -> bool:
