@@ -17,7 +17,7 @@ from fimpact.mismatch.evidence import weigh_evidence
 from fimpact.mismatch.explain import explain
 from fimpact.mismatch.judge import base_fit, bench, settle
 from fimpact.mismatch.model import check_model, refusal, write_model
-from fimpact.mismatch.replayed import replayed
+from fimpact.mismatch.replayed import Replay, replayed
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.recordings import Recording, Run, Unknown
@@ -117,17 +117,14 @@ def both(diagnosis, folder, monkeypatch):
     """Held-out windows, (w, T, ny), by the exported files and by our simulation."""
     made, hypothesis = diagnosis.bench, diagnosis.naming.best.fitted.point.hypothesis
     windows, (qpos, qvel) = made.held_out.windows, made.held_out.starts
-    scene, loaded = exported(diagnosis, folder, monkeypatch)
-    theirs = [
-        scene.simulate(loaded, windows.ctrl[run], qpos[row], qvel[row], int(first), windows.length)
-        for row, (run, first) in enumerate(zip(windows.runs, windows.first, strict=True))
-    ]
-    return np.array(theirs), made.training.simulator.predict(hypothesis, windows, qpos, qvel)
+    exported(diagnosis, folder, monkeypatch)
+    theirs = Replay(diagnosis, folder).predict(hypothesis, windows, qpos, qvel)
+    return theirs, made.training.simulator.predict(hypothesis, windows, qpos, qvel)
 
 
 @pytest.mark.parametrize(
     "name",
-    "stribeck efficiency joint_elasticity backlash sensor_bias sensor_delay command_delay".split(),
+    "stribeck dahl efficiency joint_elasticity backlash sensor_bias sensor_delay command_delay".split(),
 )
 def test_exported_laws_are_ours_step_by_step(rubbing, tmp_path, monkeypatch, name):
     made, effect = bench(rubbing), EFFECTS[name]

@@ -83,7 +83,8 @@ def readings_of(diagnosis: Diagnosis, explanation: Explanation, part: Stretch) -
     """What a model predicts of a stretch in one go from the state fitted to its first window, (T, ny)."""
     windows, point = diagnosis.bench.held_out.windows, explanation.judged.point
     blank = np.full((1, part.samples, windows.measured.shape[2]), np.nan)
-    long = Windows(np.array([part.run]), np.array([part.first]), blank, windows.ctrl, windows.names)
+    begun = windows.part(np.array([part.window])).turned
+    long = Windows(np.array([part.run]), np.array([part.first]), blank, windows.ctrl, windows.names, turned=begun)
     start = point.qpos[[part.window]], point.qvel[[part.window]]
     return diagnosis.bench.held_out.simulator.predict(point.hypothesis, long, *start)[0]
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-KINEMATICS = "kinematics"  # key of a memory that is only room to work in
+KINEMATICS, TURNED = "kinematics", "turned"  # keys of a memory that no law has kept
 ENTERS = ("model", "force", "friction", "gear", "command", "measurement")
 
 
@@ -68,7 +68,7 @@ class State:
     """The state of n simulations in one step, as a force law sees it.
 
     qpos (n, nq), qvel (n, nv), ctrl (n, nu), time (n,) since the start of the run, step: s.
-    memory: anything a law with a state of its own keeps, by its own key; empty at the start of a window.
+    memory: anything a law with a state of its own keeps, by its own key; none at the start of a window.
     bodies: what `body` has found, where several laws ask the same states; None: it is not kept.
     """
 
@@ -84,7 +84,12 @@ class State:
     @property
     def remembers(self) -> bool:
         """Whether a law has kept anything here."""
-        return bool(self.memory.keys() - {KINEMATICS})
+        return bool(self.memory.keys() - {KINEMATICS, TURNED})
+
+    def turned(self, site: str) -> np.ndarray | None:
+        """Where joint `site` was first, has turned since, and began these simulations, (n, k), as far as that was
+        measured, or NaN; None: nothing is known of what was before."""
+        return self.memory[TURNED][:, :, self.model.joint(site).dofadr[0]] if TURNED in self.memory else None
 
     def joint(self, site: str) -> tuple[int, np.ndarray, np.ndarray]:
         """Degree of freedom, position (n,) and speed (n,) of the hinge or slide joint `site`."""

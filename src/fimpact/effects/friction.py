@@ -8,7 +8,7 @@ from fimpact.effects.drives import motor_force
 from fimpact.effects.native import exporting
 
 MODELS = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
-REMEMBERED = 0.1  # s: how long a joint that moves at the start of a window is taken to have moved already
+REMEMBERED = 0.1  # s: how long a joint that moves at the start of a run is taken to have moved already
 
 
 def frictionloss(model, site, friction):
@@ -47,11 +47,27 @@ def load_dependent(state: State, site, coefficient):
 def dahl(state: State, site, friction, displacement):
     """Exact solution of the bristle over a step of constant speed; its mean over the step acts."""
     dof, _, speed = state.joint(site)
-    key, turns = ("dahl", site), np.sign(speed)
-    last = state.memory.get(key)
-    last = np.tanh(speed * REMEMBERED / displacement) if last is None else last
-    state.memory[key] = turns + (last - turns) * np.exp(-np.abs(speed) * state.step / displacement)
+    key = "dahl", site
+    last = _bent(state, site, displacement) if state.memory.get(key) is None else state.memory[key]
+    state.memory[key] = _bend(last, speed * state.step / displacement)
     return state.on_joint(dof, -friction * (last + state.memory[key]) / 2)
+
+
+def _bend(last, way):
+    """The bristle after a `way` in one direction, in units of its displacement."""
+    return np.sign(way) + (last - np.sign(way)) * np.exp(-np.abs(way))
+
+
+def _bent(state: State, site, displacement):
+    """The bristle at the start of a window: straight when its run began, and bent by the way since; where that is not
+    known, as if the joint had moved as it does now."""
+    guessed, turned = np.tanh(state.joint(site)[2] * REMEMBERED / displacement), state.turned(site)
+    if turned is None:
+        return guessed
+    bent = np.zeros_like(guessed)
+    for way in np.diff(turned).T:
+        bent = _bend(bent, way / displacement)
+    return np.where(np.isfinite(bent) & np.any(np.diff(turned), 1), bent, guessed)
 
 
 def _amount(name):

@@ -15,6 +15,7 @@ from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.settle import first_point, restarted, settled, tried
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import noise_level, start_spread, start_states
+from fimpact.mismatch.turned import measured_turns
 from fimpact.mismatch.windows import cut
 from fimpact.recordings import Recording
 
@@ -53,6 +54,7 @@ def bench(recording: Recording) -> Bench:
     problems = []
     for runs, held_out in ((recording.training, False), (recording.held_out, True)):
         windows = cut(runs, length, 0 if held_out else recording.windows)
+        windows = replace(windows, turned=measured_turns(simulator.base, recording, runs, windows, noise))
         starts = start_states(simulator, windows, noise, held_out)
         problems.append(Problem(simulator, windows, noise, starts, start_spread(recording, windows, held_out)))
     return Bench(*problems, (Simulator(recording, 2), Simulator(recording, 4)), noise)

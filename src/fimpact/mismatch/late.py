@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import Signal
+from fimpact.effects.base import KINEMATICS, Signal
 from fimpact.mismatch.acting import Acting
 from fimpact.mismatch.past import Step, backward, continued, reach
 from fimpact.mismatch.touch import LOOSE, can_bump
@@ -80,7 +80,8 @@ class Late:
         ctrl, instant = simulator.commands.given(hypothesis.placed, earlier, signal)
         models, acting = copies or [model] * len(ctrl), Acting(model, copies, laws)
         flags, none = model.opt.disableflags, np.zeros((len(ctrl), model.nv))
-        fresh, zero = {"kinematics": mujoco.MjData(model)} if laws else {}, np.zeros((len(ctrl), 1))
+        room = {KINEMATICS: mujoco.MjData(model)} if laws else {}
+        fresh, zero = windows.memory | room, np.zeros((len(ctrl), 1))
 
         def step(k: int, state, end, loose: bool) -> tuple[np.ndarray, np.ndarray]:
             for own in copies or [model]:
@@ -101,5 +102,6 @@ class Late:
 def motion_key(hypothesis, windows: Windows, qpos, qvel) -> tuple:
     """What tells one motion of windows from another, how it is measured left out."""
     moving = [(p.name, sorted(p.values.items())) for p in hypothesis.placed if p.effect.enters != "measurement"]
-    states = [part.tobytes() for part in (windows.runs, windows.first, qpos, qvel)]
+    begun = windows.memory.values()
+    states = [part.tobytes() for part in (windows.runs, windows.first, qpos, qvel, *begun)]
     return hypothesis.theta.tobytes(), repr(moving), *states

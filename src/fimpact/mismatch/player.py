@@ -6,7 +6,7 @@ Only numpy and mujoco may be used here: what is exported must run where fimpact 
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import Signal, State
+from fimpact.effects.base import TURNED, Signal, State
 from fimpact.effects.gears import coupled, encoders
 
 # Each law comes with the name of its site and its values.
@@ -94,12 +94,13 @@ class Stepper:
         return data.sensordata.copy()
 
 
-def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
+def simulate(model, ctrl, qpos, qvel, first=0, samples=None, turned=None):
     """What the channels read, (samples, ny), one row each `PERIOD` seconds.
 
     Args:
         ctrl: recorded commands of the whole run, (T, nu), one row each `PERIOD`; the last one is held.
-        qpos, qvel: state at row `first` of the run. samples: default: to the end of the run.
+        qpos, qvel: state at row `first` of the run. samples: default: to the end of the run. turned: positions of all
+            joints, (k, nv), at the start of the run, where they turned since, and at row `first`; default: not known.
     """
     samples = samples or len(ctrl) - first
     substeps = round(PERIOD / model.opt.timestep)
@@ -114,6 +115,8 @@ def simulate(model, ctrl, qpos, qvel, first=0, samples=None):
     # What is read at another time is read between steps, not samples; but what may jump with a command, at samples.
     every = 1 if MEASUREMENTS and not ACTUATORS else substeps
     stepper, rows = Stepper(model, data), []
+    if turned is not None:
+        stepper.memory[TURNED] = np.asarray(turned, float)[None]
     for k in range((samples - 1) * substeps + 1):
         row = min(begin + k, len(drive) - 1)
         read = stepper.step(drive[row], instant[row] if (COMMANDS or GEARS) and k % substeps == 0 else None)

@@ -23,9 +23,10 @@ class Replay:
 
     def predict(self, hypothesis: Hypothesis, windows: Windows, qpos, qvel, push=None) -> np.ndarray:
         """Measurements, (w, T, ny), from states qpos (w, nq), qvel (w, nv) at the start of each window."""
-        states = zip(windows.runs, windows.first, qpos, qvel, strict=True)
+        known = [None] * len(qpos) if windows.turned is None else windows.turned
+        states = zip(windows.runs, qpos, qvel, windows.first.tolist(), known, strict=True)
         play, length = self.scene.simulate, windows.length
-        return np.array([play(self.model, windows.ctrl[run], q, v, int(first), length) for run, first, q, v in states])
+        return np.array([play(self.model, windows.ctrl[run], q, v, at, length, told) for run, q, v, at, told in states])
 
 
 def replayed(diagnosis: Diagnosis, folder: Path, profiled: bool = False) -> np.ndarray:

@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 from scipy.linalg import block_diag
 
+from fimpact.effects.sites import HINGE, SLIDE
 from fimpact.mismatch.colour import CLOCK, REWEIGHTED, Colour, Disturbance, colour, disturbance, generalised
 from fimpact.mismatch.coordinates import NOTHING
 from fimpact.mismatch.explain import Explanation, shapes_of
@@ -21,7 +22,8 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import pulses
-from fimpact.mismatch.simulate import Hypothesis
+from fimpact.mismatch.simulate import Hypothesis, Simulator
+from fimpact.mismatch.turned import turns
 from fimpact.mismatch.weigh import generalises
 from fimpact.mismatch.windows import Windows
 
@@ -118,9 +120,18 @@ def _played(bench: Bench, member: Fit, ctrl, qpos, qvel) -> Problem:
     path = [np.concatenate([start[:, None], states], 1) for start, states in zip((qpos, qvel), way, strict=True)]
     starts = [states[:, firsts * simulator.substeps].reshape(-1, states.shape[2]) for states in path]
     runs, first = np.repeat(np.arange(count), len(firsts)), np.tile(firsts, count)
-    windows = Windows(runs, first, np.zeros((len(runs), length, whole.shape[2])), ctrl, ())
+    turned = _turned(simulator, path[0], runs, first * simulator.substeps)
+    windows = Windows(runs, first, np.zeros((len(runs), length, whole.shape[2])), ctrl, (), turned=turned)
     spread = np.where(first[:, None] == 0, simulator.recording.start_sd, np.inf)
     return Problem(simulator, windows, bench.noise, tuple(starts), spread)
+
+
+def _turned(simulator: Simulator, path: np.ndarray, runs: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Where joints turn on the `path`, (n, steps, nq), of each run."""
+    model = simulator.base
+    joints = [j for j in range(model.njnt) if model.jnt_type[j] in (HINGE, SLIDE)]
+    ways = {int(model.jnt_dofadr[j]): path[:, :, model.jnt_qposadr[j]] for j in joints}
+    return turns(ways, runs, first, dict.fromkeys(ways, 0.0), model.nv)
 
 
 def _noise(bench: Bench, problem: Problem, member: Fit, point: Point, pushing: Disturbance) -> Colour:

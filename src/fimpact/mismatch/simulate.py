@@ -161,7 +161,7 @@ class Simulator:
         force = np.pad(np.repeat(push, within // push.shape[1], 1), ((0, 0), (0, steps - within), (0, 0)))
         run = self._lockstep if laws else self._rollout
         force = np.broadcast_to(force, (len(ctrl), *force.shape[1:]))
-        sensed = run(model, copies, signal, ctrl, instant, force, qpos, qvel, laws)
+        sensed = run(model, copies, signal, ctrl, instant, force, qpos, qvel, laws, windows.memory)
         if alone:
             self._sensed = key, windows.ctrl, sensed
         return sensed
@@ -180,7 +180,7 @@ class Simulator:
         states = [np.concatenate([start[:, None], after[:, :-1]], 1) for start, after in motion]
         ahead = [own + np.diff(own, axis=1, prepend=own[:, :1]) / 2 for own in states]
         rows = zip(*(part.swapaxes(0, 1) for part in (*ahead, ctrl, signal.time)), strict=True)
-        return [State(model, *row, model.opt.timestep, bodies={}) for row in rows], *states
+        return [State(model, *row, model.opt.timestep, windows.memory, {}) for row in rows], *states
 
     def step(self, model: mujoco.MjModel, qpos, qvel, control) -> np.ndarray:
         """One step from each state under controls and forces, (r, nu + nv): qpos and qvel after it, and what all
@@ -190,7 +190,7 @@ class Simulator:
         )
         return np.concatenate([state[:, 0, 1 : 1 + model.nq + model.nv], sensed[:, 0]], 1)
 
-    def _rollout(self, model, copies, signal, ctrl, instant, force, qpos, qvel, laws):
+    def _rollout(self, model, copies, signal, ctrl, instant, force, qpos, qvel, laws, memory):
         control, start = np.concatenate([ctrl, force], 2), self._pack(qpos, qvel)
         state, sensed = self._engine.rollout(model, self._data, start, control, control_spec=CONTROL)
         if instant is not None:
@@ -201,8 +201,8 @@ class Simulator:
             sensed[:, :: self.substeps] = read.reshape(*before.shape[:2], -1)
         return sensed
 
-    def _lockstep(self, model, copies, signal, ctrl, instant, force, qpos, qvel, laws):
-        state, memory = self._pack(qpos, qvel), {}
+    def _lockstep(self, model, copies, signal, ctrl, instant, force, qpos, qvel, laws, memory):
+        state = self._pack(qpos, qvel)
         before, after, (w, steps) = state, np.empty((len(state), 1, state.shape[1])), ctrl.shape[:2]
         sensed = np.empty((steps, w, 1, model.nsensordata))
         models, acting = copies or [model] * w, Acting(model, copies, laws)

@@ -41,10 +41,10 @@ class Tangent:
         """Generalised force, (w, n, nv), of a law on the way without it: asked of all steps at once, or, where it
         remembers, of one after the other."""
         everywhere = replace(self.everywhere, memory={})
+        begun = dict(self.passed[0].memory)
         force = placed.effect.law(everywhere, placed.site, **placed.values)
         if everywhere.remembers:
-            memory: dict = {}
-            steps = (replace(state, memory=memory) for state in self.passed)
+            steps = (replace(state, memory=begun) for state in self.passed)
             force = np.concatenate([placed.effect.law(state, placed.site, **placed.values) for state in steps])
         return force.reshape(len(self.passed), -1, force.shape[1]).swapaxes(0, 1)
 

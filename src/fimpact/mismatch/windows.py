@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fimpact.effects.base import TURNED
 from fimpact.recordings import Run
 
 GOLDEN = 0.6180339887498949  # multiples of it are spread evenly between whole numbers
@@ -14,7 +15,8 @@ GOLDEN = 0.6180339887498949  # multiples of it are spread evenly between whole n
 class Windows:
     """Stretches of runs, padded to one length: measured (w, T, ny), NaN where missing; runs: the run of each, first:
     its first sample, each (w,); ctrl: every run's commands, (runs, N, nu), padded by their last row; ends: samples in
-    each run, (runs,), None: as many as rows of commands."""
+    each run, (runs,), None: as many as rows of commands; turned: where joints have turned before, (w, k, nv) of
+    `turned.turns`, None: not known."""
 
     runs: np.ndarray
     first: np.ndarray
@@ -22,6 +24,7 @@ class Windows:
     ctrl: np.ndarray
     names: tuple[str, ...]
     ends: np.ndarray | None = None
+    turned: np.ndarray | None = None
 
     @property
     def length(self) -> int:
@@ -36,7 +39,13 @@ class Windows:
 
     def part(self, rows: np.ndarray) -> "Windows":
         """Some of them only: `rows`, a mask (w,) or indices."""
-        return replace(self, runs=self.runs[rows], first=self.first[rows], measured=self.measured[rows])
+        turned = None if self.turned is None else self.turned[rows]
+        return replace(self, runs=self.runs[rows], first=self.first[rows], measured=self.measured[rows], turned=turned)
+
+    @property
+    def memory(self) -> dict[str, np.ndarray]:
+        """What laws remember where the windows begin."""
+        return {} if self.turned is None else {TURNED: self.turned}
 
 
 def cut(runs: Sequence[Run], length: int, most: int = 0) -> Windows:
