@@ -18,6 +18,7 @@ from fimpact.mismatch.merge import merged
 from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, scores, two_sided
+from fimpact.mismatch.tame import WILD
 from fimpact.mismatch.weigh import generalises, leading, led_by, members, weigh
 
 # Family-wise p at which a named effect is found; CERTAIN comes on top. Of 301 opened cases with nothing planted eight
@@ -29,7 +30,9 @@ REFITS = 8  # candidates that are truly refitted in each step
 EASY, MORE = 20, 24  # windows up to which that costs little, and how many are refitted then
 LOUD, AGAIN = 4, 2  # the most refitted of each further ranking, and how often the best may be asked what it leaves
 PAIRS = 4  # pairs refitted of each ranking, where no single candidate is worth while and little is explained
-RIVAL = 0.4  # share of the best candidate's predicted gain below which a candidate is not refitted
+# Share of the best candidate's predicted gain below which a candidate is not refitted; and the same where nothing is
+# near the noise, and what one step promises is no order to rely on.
+RIVAL, STRANGE = 0.4, 0.1
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
 CLOSE = 1e-4  # weight, relative to the likeliest, above which the error of the time step could change the order
@@ -105,6 +108,8 @@ def _rivals(search: Search, current: Explanation, screened: list[Candidate], mos
     """The best of each ranking, refitted, by weight."""
     loud = shortlist(_by_gain(current.fitted, screened), min(most, LOUD))
     rivals = _refitted(search, current, [], [*shortlist(screened, most), *loud])
+    if rivals and rivals[0].dispersion > WILD:
+        rivals = _refitted(search, current, rivals, shortlist(screened, most, STRANGE))
     for _ in range(AGAIN):
         if not rivals:
             break
@@ -166,15 +171,15 @@ def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit
     return apart, scores(apart, [c.placed for c in screened], [c.change for c in screened])
 
 
-def shortlist(screened: list[Candidate], most: int = REFITS) -> list[Candidate]:
-    """The best probe of each effect and site, in falling order of predicted gain, as far as they are rivals or look
-    like one."""
+def shortlist(screened: list[Candidate], most: int = REFITS, share: float = RIVAL) -> list[Candidate]:
+    """The best probe of each effect and site, in falling order of predicted gain, as far as they are rivals, which gain
+    that `share` of what the best does, or look like one."""
     best: dict[str, Candidate] = {}
     for candidate in screened:
         best.setdefault(candidate.placed.name, candidate)
     ranked = [c for c in best.values() if c.gain > 0]
     # The larger an effect, the less can be said of it from one step.
-    least = RIVAL * ranked[0].gain + min(RIVAL * ranked[0].gain / 2, CLEAR) if ranked else 0.0
+    least = share * ranked[0].gain + min(share * ranked[0].gain / 2, CLEAR) if ranked else 0.0
     rivals = [c for c in ranked[:most] if c.gain >= least]
     twins = [c for c in ranked[len(rivals) :] if any(abs(alike(c, r)) > TWIN for r in rivals)]
     return rivals + twins[: max(most - len(rivals), 1)]
