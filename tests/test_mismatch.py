@@ -33,7 +33,7 @@ from fimpact.mismatch.score import proposals, score, screen
 from fimpact.mismatch.settle import restarted, settled
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.starts import local_fit, noise_level
-from fimpact.mismatch.step import Search, Step, _rivals
+from fimpact.mismatch.step import RIVAL, Search, Step, _rivals
 from fimpact.mismatch.tame import WILD
 from fimpact.mismatch.touch import can_hold, may_stick
 from fimpact.mismatch.weigh import both
@@ -355,8 +355,10 @@ def test_of_equals_the_first_of_the_catalogue_leads(monkeypatch):
         assert "".join(r.placed[0].effect.name for r in search.ranked(rivals)) == expected
 
 
-def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
-    """Screened, alone against the sensors, and beside what the best leaves: each ranking has its own favourite."""
+@pytest.mark.parametrize(("dispersion", "expected"), [(1.0, "abc"), (20.0, "adbc")])
+def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch, dispersion, expected):
+    """Screened, alone against the sensors, and beside what the best leaves: each ranking has its own favourite. Where
+    nothing is near the noise, what is screened far behind is asked as well."""
     rankings = {"screened": "a", "sensors": "b", "left": "c"}
 
     def candidate(name):
@@ -365,14 +367,18 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch):
     def stub(name, value):
         monkeypatch.setattr(f"fimpact.mismatch.step.{name}", value)
 
+    def refitted(bench, current, c):
+        return SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True, dispersion=dispersion)
+
     stub("_by_gain", lambda fitted, given: [candidate(rankings[fitted])])
-    stub("shortlist", lambda ranking, most: ranking)
-    stub("refit", lambda bench, current, c: SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True))
+    stub("shortlist", lambda ranking, most, share=RIVAL: ranking if share == RIVAL else [candidate("d")])
+    stub("refit", refitted)
     stub("disturbance", lambda *_: None)
     stub("coloured", lambda *_: "left")
     monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
     search, current = Search(None, (), None, None, lambda _: None), SimpleNamespace(fitted="sensors")
-    assert [r.placed[-1].name for r in _rivals(search, current, [candidate("a")], 8)] == ["a", "b", "c"]
+    found = [r.placed[-1].name for r in _rivals(search, current, [candidate("a")], 8)]
+    assert sorted(found) == sorted(expected)
 
 
 def test_only_what_comes_near_the_likeliest_gets_numerics_of_its_own(monkeypatch):
