@@ -14,7 +14,7 @@ from fimpact.mismatch.offer import offered
 from fimpact.mismatch.price import price
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import Pulses
-from fimpact.mismatch.score import Candidate
+from fimpact.mismatch.score import Candidate, two_sided
 from fimpact.mismatch.simulate import Hypothesis
 
 WORSE = 1.5  # times the plain cost: a generalised step that raises it further is not taken
@@ -67,7 +67,16 @@ def naive_fit(bench: Bench) -> Explanation:
 
 def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:
     """All coordinates together, to convergence; what is shared with the current fit is not linearised anew, and its
-    numerics are taken over (`corrected`)."""
+    numerics are taken over (`corrected`). What ends as large as it may be is tried from the other side too: the tangent
+    at zero does not tell which way something far away is."""
+    found = _refit(bench, current, *candidates)
+    if len(candidates) > 1 or not found.placed[-1].at_limit or not two_sided(candidates[0].placed.effect):
+        return found
+    other = _refit(bench, current, replace(candidates[0], strength=-candidates[0].strength))
+    return min(found, other, key=lambda e: e.deviance)
+
+
+def _refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:
     problem = bench.training
     sizes = tuple(sizes_of(p) for p in (*current.placed, *(c.placed for c in candidates)))
     start, free = _begun(problem, current, candidates, sizes)
