@@ -26,7 +26,7 @@ def rival(name, *squares, friction=0.1, dispersion=3.0):
     point = Point(None, None, None, residual, np.sum(squares) / 2)
     judged = SimpleNamespace(point=point)
     placed = (Placed(EFFECTS["coulomb"], "joint_1", {"friction": friction}),)
-    return SimpleNamespace(name=name, fitted=0, judged=judged, placed=placed, weight=1.0, dispersion=dispersion)
+    return SimpleNamespace(name=name, fitted=0, judged=judged, placed=placed, weight=1.0, loudness=dispersion)
 
 
 def test_squares_beyond_noise_count_by_their_logarithm():

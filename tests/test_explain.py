@@ -35,3 +35,7 @@ def test_what_ends_at_its_limit_is_tried_from_the_other_side(monkeypatch, effect
 
     monkeypatch.setattr(explain, "_refit", refitted)
     assert explain.refit(None, None, candidate).deviance == expected
+
+
+def test_what_is_white_but_louder_than_the_sensors_counts_as_far_from_their_noise():
+    assert explain.Explanation((), None, None, 0.0, dispersion=2.0, noise=3.0).loudness == 18.0

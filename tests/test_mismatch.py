@@ -368,7 +368,7 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch, dispers
         monkeypatch.setattr(f"fimpact.mismatch.step.{name}", value)
 
     def refitted(bench, current, c):
-        return SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True, dispersion=dispersion)
+        return SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True, loudness=dispersion)
 
     stub("_by_gain", lambda fitted, given: [candidate(rankings[fitted])])
     stub("shortlist", lambda ranking, most, share=RIVAL: ranking if share == RIVAL else [candidate("d")])
@@ -667,7 +667,7 @@ def accepting(monkeypatch, rivals, worthwhile):
 @pytest.mark.parametrize(("dispersion", "expected"), [(0.5 * WILD, None), (2 * WILD, "second")])
 def test_where_nothing_is_near_the_noise_the_next_is_asked(monkeypatch, dispersion, expected):
     """What one step promises is an order to rely on only where the steps end near the noise."""
-    rivals = [SimpleNamespace(name=name, placed=(None,), dispersion=dispersion) for name in ("first", "second")]
+    rivals = [SimpleNamespace(name=name, placed=(None,), loudness=dispersion) for name in ("first", "second")]
     assert accepting(monkeypatch, rivals, lambda leader: leader.name == "second") == expected
 
 
@@ -677,7 +677,7 @@ def test_where_nothing_is_near_the_noise_the_next_is_asked(monkeypatch, dispersi
 def test_pairs_are_asked_for_where_no_one_effect_comes_near_the_noise(monkeypatch, lost, dispersion, asked):
     def explained(name):
         placed = [SimpleNamespace(at_limit=False)] if name != "none" else ()
-        return SimpleNamespace(name=name, placed=placed, fitted=SimpleNamespace(point=None), dispersion=dispersion)
+        return SimpleNamespace(name=name, placed=placed, fitted=SimpleNamespace(point=None), loudness=dispersion)
 
     paired = []
     for stub, value in (

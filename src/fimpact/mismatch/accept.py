@@ -23,7 +23,7 @@ def hopeful(best: Explanation, rivals: list[Explanation]) -> list[Explanation]:
     """The likeliest, and those others that look like keeping their word: once it has broken its own, only they are
     worth the time. Where nothing is near the noise, almost all that is left passes for disturbances and one step may
     promise anything: there only what really predicts better is."""
-    serves = improved if rivals and rivals[0].dispersion > WILD else kept
+    serves = improved if rivals and rivals[0].loudness > WILD else kept
     return [*rivals[:1], *(r for r in rivals[1:] if serves(best, r))]
 
 
@@ -59,7 +59,7 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
     own = search.bench.offsets
     found = tamed(search.bench, sharpened(search.bench, search.pulses, plain))
     ordinary = not idle(plain) and kept(best, plain)
-    rather = ordinary and plain.dispersion > WILD and improved(found, plain)
+    rather = ordinary and plain.loudness > WILD and improved(found, plain)
     if not rather and not idle(found) and (kept(best, found) or _kept_among(search, best, found)):
         return found
     search.bench.restore(own if ordinary else before)
@@ -70,7 +70,7 @@ def _kept_among(search: Search, before: Explanation, after: Explanation) -> bool
     """Whether held-out windows are predicted no worse among disturbances, where those are what they are taken for, and
     by parameters as uncertain as training leaves them: to follow an effect that they hide, parameters may have to leave
     values that had imitated the disturbances, and what they do in a faster motion is less certain than in these."""
-    if after.dispersion > CALM:
+    if after.loudness > CALM:
         return False
     pushing = disturbance(after.fitted, search.pulses)
     shades = colour(search.pulses, pushing), colour(search.held_out, pushing)

@@ -26,8 +26,9 @@ SHARPER = 2  # generalised steps from a fit by ordinary least squares
 class Explanation:
     """The effects added, the fit, and the held-out windows under it; deviance: `explain`, or `weigh` where rivals were
     weighed; shaped: what its shapes cost of that; weight: its share of belief among its rivals; dispersion: what their
-    deviances were divided by; exact: whether the time step's error was measured here and not where a rival is; exposed:
-    `judged` with the sensitivities to the coordinates of `fitted`, where rivals were weighed."""
+    deviances were divided by; noise: what is white under the likeliest of them, in units of the sensors'; exact:
+    whether the time step's error was measured here and not where a rival is; exposed: `judged` with the sensitivities
+    to the coordinates of `fitted`, where rivals were weighed."""
 
     placed: tuple[Placed, ...]
     fitted: Fit
@@ -36,6 +37,7 @@ class Explanation:
     shaped: float = 0.0
     weight: float = 0.0
     dispersion: float = 1.0
+    noise: float = 1.0
     exact: bool = False
     exposed: Fit | None = None
 
@@ -43,6 +45,16 @@ class Explanation:
     def name(self) -> str:
         """Names joined by +, in alphabetical order; "none" for the naive model."""
         return "+".join(sorted(p.name for p in self.placed)) or "none"
+
+    @property
+    def loudness(self) -> float:
+        """Of the windows' squares among disturbances, 1: noise of the sensors."""
+        return self.dispersion * self.noise**2
+
+    @property
+    def weighed(self) -> dict[str, float]:
+        """What is known since it was weighed among its rivals."""
+        return {"weight": self.weight, "dispersion": self.dispersion, "noise": self.noise}
 
     @property
     def parts(self) -> tuple[Fit, Fit]:
@@ -122,10 +134,7 @@ def corrected(bench: Bench, rivals: Sequence[Explanation]) -> list[Explanation]:
         for side, problem in enumerate((bench.training, bench.held_out))
     ]
     bench.restore(before)
-    return [
-        replace(explain(*pair), weight=r.weight, dispersion=r.dispersion, exact=True)
-        for r, *pair in zip(found, *parts, strict=True)
-    ]
+    return [replace(explain(*pair), **r.weighed, exact=True) for r, *pair in zip(found, *parts, strict=True)]
 
 
 def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Explanation:
@@ -158,7 +167,7 @@ def numerics(bench: Bench, best: Explanation) -> Explanation:
     fitted = again(bench, bench.training, best.fitted)
     judged = settle(bench.held_out, fitted.point.hypothesis, best.judged.point, best.judged.linear)
     judged = again(bench, bench.held_out, judged)
-    return replace(explain(fitted, judged), weight=best.weight, dispersion=best.dispersion, exact=True)
+    return replace(explain(fitted, judged), **best.weighed, exact=True)
 
 
 def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanation:
@@ -194,4 +203,4 @@ def moved(
     if not np.isfinite(point.cost):
         return replace(explanation, fitted=replace(fitted, point=point), deviance=np.inf)
     fitted = relinearised(bench.training, replace(fitted, point=point))
-    return replace(explain(fitted, parts[1]), weight=explanation.weight, dispersion=explanation.dispersion)
+    return replace(explain(fitted, parts[1]), **explanation.weighed)

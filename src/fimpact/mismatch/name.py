@@ -73,7 +73,7 @@ def build(
 def _astray(last: Step, best: Explanation) -> bool:
     """Whether there are rivals, and neither `best` nor they come near the noise: what one of them mends, another may
     still spoil."""
-    return bool(last.rivals) and (lost(best.fitted.point) or last.rivals[0].dispersion > WILD)
+    return bool(last.rivals) and (lost(best.fitted.point) or last.rivals[0].loudness > WILD)
 
 
 def _learned(search: Search, naive: Explanation, best: Explanation) -> float:
@@ -99,7 +99,7 @@ def _serving(search: Search, naive: Explanation, best: Explanation, last: Step, 
     for first in range(min(len(asked), TRIES)):
         ranked = search.ranked(asked[first:]) if first else last.rivals
         if not worthwhile(search, naive, best, replace(last, rivals=ranked)):
-            if ranked[0].dispersion <= WILD:
+            if ranked[0].loudness <= WILD:
                 return None
             continue  # where nothing is near the noise, what one step promises is no order to rely on
         # A surrogate that promised more, and does not keep it, gives the place back.
@@ -133,7 +133,7 @@ def _alike(search: Search, naive: Explanation, best: Explanation) -> tuple[Expla
     """`naive`, tamed where `best` was, as what is compared is fitted alike, and the pulses in its training windows.
     Numerics stay those of `best`."""
     before = search.bench.offsets
-    found = tamed(search.bench, replace(naive, dispersion=best.dispersion))
+    found = tamed(search.bench, replace(naive, **best.weighed))
     seen = search.pulses if found.fitted is naive.fitted else pulses(search.bench.training, found.fitted)
     search.bench.restore(before)
     return found, seen

@@ -108,7 +108,7 @@ def _rivals(search: Search, current: Explanation, screened: list[Candidate], mos
     """The best of each ranking, refitted, by weight."""
     loud = shortlist(_by_gain(current.fitted, screened), min(most, LOUD))
     rivals = _refitted(search, current, [], [*shortlist(screened, most), *loud])
-    if rivals and rivals[0].dispersion > WILD:
+    if rivals and rivals[0].loudness > WILD:
         rivals = _refitted(search, current, rivals, shortlist(screened, most, STRANGE))
     for _ in range(AGAIN):
         if not rivals:

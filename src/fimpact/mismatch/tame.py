@@ -24,7 +24,7 @@ WORTH = 0.99  # of the tempered squares: what a pass must reach
 def tamed(bench: Bench, explanation: Explanation) -> Explanation:
     """`explanation` as likely as long steps can make it where what fits worse than noise has noise of its own
     (`tempered`); as it is, where nothing touches or all windows are about as loud as noise."""
-    if explanation.dispersion <= WILD or not can_touch(bench.training.simulator.base):
+    if explanation.loudness <= WILD or not can_touch(bench.training.simulator.base):
         return explanation
     fitted = explanation.fitted
     first = point = fitted.point

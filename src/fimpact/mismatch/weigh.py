@@ -41,7 +41,7 @@ def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanatio
     deviance = squares + prices * spread
     raw = np.exp(-(deviance - deviance.min()) / 2 / spread)
     weighted = [
-        replace(r, weight=float(w), deviance=float(d), shaped=float(s), dispersion=spread)
+        replace(r, weight=float(w), deviance=float(d), shaped=float(s), dispersion=spread, noise=pushing.noise)
         for r, w, d, s in zip(rivals, raw / raw.sum(), deviance, paid[:, 1], strict=True)
     ]
     return sorted(weighted, key=lambda r: r.deviance)
