@@ -9,7 +9,7 @@ from fimpact.concealed.strangers import known
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.accept import accepted, hopeful, idle, improved, kept, worthwhile
-from fimpact.mismatch.colour import tempered
+from fimpact.mismatch.generalised import tempered
 from fimpact.mismatch.name import SUSPECT, _further, answered
 from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.naming import CROWD, CROWDED, DOUBTED, RIGHT, SHARP, Naming

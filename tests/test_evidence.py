@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fimpact.mismatch.colour import Colour, Disturbance
+from fimpact.mismatch.colour import Colour
+from fimpact.mismatch.disturbance import Disturbance
 from fimpact.mismatch.evidence import _interval, _of_few
 from fimpact.mismatch.weigh import _ordinary, widened
 

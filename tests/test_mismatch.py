@@ -11,13 +11,15 @@ from planted import NOISE, record
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.calibrate import Background, adjusted, adjusted_groups
-from fimpact.mismatch.colour import beside, colour, coloured, disturbance, generalised
+from fimpact.mismatch.colour import beside, colour, coloured
 from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.curves import SPOTS, spots
 from fimpact.mismatch.diagnose import diagnose, in_words, to_json, unit_at, verdict
 from fimpact.mismatch.discriminate import discriminate
+from fimpact.mismatch.disturbance import disturbance
 from fimpact.mismatch.evidence import _correlation
 from fimpact.mismatch.explain import explain, refit, sizes_of
+from fimpact.mismatch.generalised import generalised
 from fimpact.mismatch.judge import base_fit, bench
 from fimpact.mismatch.locate import _modes, locate
 from fimpact.mismatch.name import _serving, build, name

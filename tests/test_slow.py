@@ -10,8 +10,9 @@ import pytest
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch.calibrate import Carried, adjusted, background, carried
-from fimpact.mismatch.colour import Disturbance, coloured
+from fimpact.mismatch.colour import coloured
 from fimpact.mismatch.coordinates import NOTHING
+from fimpact.mismatch.disturbance import Disturbance
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Linear, Point
 from fimpact.mismatch.pulses import BINS, Pulses

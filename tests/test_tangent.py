@@ -9,8 +9,9 @@ from planted import record
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.mismatch import pulses
-from fimpact.mismatch.colour import Disturbance, colour
+from fimpact.mismatch.colour import colour
 from fimpact.mismatch.coordinates import NOTHING
+from fimpact.mismatch.disturbance import Disturbance
 from fimpact.mismatch.fit import fit
 from fimpact.mismatch.judge import bench
 from fimpact.mismatch.score import _Secant

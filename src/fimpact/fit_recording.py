@@ -12,8 +12,9 @@ from fimpact.cases.errors import CaseError, one_of
 from fimpact.effects import get_effect
 from fimpact.effects.base import Effect
 from fimpact.effects.own import load_effects
-from fimpact.mismatch.colour import colour, disturbance
+from fimpact.mismatch.colour import colour
 from fimpact.mismatch.diagnose import in_words, parameter_rows, value_in_words
+from fimpact.mismatch.disturbance import disturbance
 from fimpact.mismatch.evidence import Evidence, weigh_evidence
 from fimpact.mismatch.explain import Explanation, naive_fit
 from fimpact.mismatch.insist import insisted

@@ -37,7 +37,7 @@ EFFECTS = (
     "structure transmission"
 )
 CORE = (
-    "__init__ acting bounded colour commands coordinates copies evidence explain fit judge late leap offer past player price problem "
+    "__init__ acting bounded colour commands coordinates copies disturbance evidence explain fit generalised judge late leap offer past player price problem "
     "pulses scales score settle simulate starts steady tangent touch turned windows"
 ).split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]

@@ -68,7 +68,7 @@ class State:
     """The state of n simulations in one step, as a force law sees it.
 
     qpos (n, nq), qvel (n, nv), ctrl (n, nu), time (n,) since the start of the run, step: s.
-    memory: anything a law with a state of its own keeps, by its own key; none at the start of a window.
+    memory: anything a law with a state of its own keeps, by its own key; at the start of a window no law has kept any.
     bodies: what `body` has found, where several laws ask the same states; None: it is not kept.
     """
 

@@ -6,8 +6,10 @@ is fitted there, and must really predict held-out windows no worse.
 
 import numpy as np
 
-from fimpact.mismatch.colour import colour, disturbance, tempered
+from fimpact.mismatch.colour import colour
+from fimpact.mismatch.disturbance import disturbance
 from fimpact.mismatch.explain import Explanation, numerics, sharpened
+from fimpact.mismatch.generalised import tempered
 from fimpact.mismatch.step import Search, Step
 from fimpact.mismatch.tame import WILD, tamed
 from fimpact.mismatch.weigh import predicted, weigh

@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fimpact.effects.base import Placed
-from fimpact.mismatch.colour import colour, disturbance, generalised
+from fimpact.mismatch.colour import colour
 from fimpact.mismatch.coordinates import Coordinates, coordinates
+from fimpact.mismatch.disturbance import disturbance
 from fimpact.mismatch.fit import Fit, fit, relinearised
+from fimpact.mismatch.generalised import generalised
 from fimpact.mismatch.judge import Bench, again, base_fit, correct, settle
 from fimpact.mismatch.offer import offered
 from fimpact.mismatch.price import price

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 from fimpact.effects.base import Effect
 from fimpact.mismatch.accept import TRACE, TRIES, accepted, beats, hopeful, worthwhile
-from fimpact.mismatch.colour import colour, coloured, disturbance
+from fimpact.mismatch.colour import colour, coloured
+from fimpact.mismatch.disturbance import disturbance
 from fimpact.mismatch.explain import Explanation, naive_fit, sharpened, without
 from fimpact.mismatch.fit import lost
 from fimpact.mismatch.judge import Bench

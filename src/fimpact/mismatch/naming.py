@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fimpact.effects.base import Placed
-from fimpact.mismatch.colour import FEW
+from fimpact.mismatch.disturbance import FEW
 from fimpact.mismatch.explain import Explanation
 from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.pulses import Pulses

@@ -15,10 +15,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from fimpact.effects.sites import HINGE, SLIDE
-from fimpact.mismatch.colour import CLOCK, REWEIGHTED, Colour, Disturbance, colour, disturbance, generalised
+from fimpact.mismatch.colour import CLOCK, Colour, colour
 from fimpact.mismatch.coordinates import NOTHING
+from fimpact.mismatch.disturbance import Disturbance, disturbance
 from fimpact.mismatch.explain import Explanation, shapes_of
 from fimpact.mismatch.fit import Fit
+from fimpact.mismatch.generalised import REWEIGHTED, generalised
 from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import Linear, Point, Problem
 from fimpact.mismatch.pulses import pulses

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fimpact.mismatch.calibrate import adjusted, background, carried
-from fimpact.mismatch.colour import beside, coloured, disturbance
+from fimpact.mismatch.colour import beside, coloured
+from fimpact.mismatch.disturbance import disturbance
 from fimpact.mismatch.explain import Explanation, corrected, refit, shapes_of
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.judge import Bench

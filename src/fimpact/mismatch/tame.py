@@ -6,10 +6,10 @@ model gets right, is the most of them, and the way down ends in the first of man
 
 import numpy as np
 
-from fimpact.mismatch.colour import tempered
 from fimpact.mismatch.coordinates import Coordinates
 from fimpact.mismatch.explain import Explanation, moved
 from fimpact.mismatch.fit import fit
+from fimpact.mismatch.generalised import tempered
 from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.leap import leaped
 from fimpact.mismatch.problem import Point, Problem

@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.mismatch.colour import CLOCK, FEW, Colour, Generalised, colour, disturbance, generalised
+from fimpact.mismatch.colour import CLOCK, Colour, colour
+from fimpact.mismatch.disturbance import FEW, disturbance
 from fimpact.mismatch.explain import Explanation, explain
 from fimpact.mismatch.fit import Fit, inverse
+from fimpact.mismatch.generalised import Generalised, generalised
 from fimpact.mismatch.judge import Bench, exposed
 from fimpact.mismatch.price import price
 from fimpact.mismatch.pulses import Pulses

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.mismatch.colour import Disturbance, _pushed
+from fimpact.mismatch.disturbance import Disturbance, _pushed
 from fimpact.mismatch.pulses import BINS
 
 NV, NUDGE = 2, 1e-5
