@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from fimpact.effects import EFFECTS
@@ -22,6 +23,7 @@ class Candidate:
     [
         ("contact_stiffness", True, (9.0, 4.0), 4.0),
         ("contact_stiffness", True, (4.0, 9.0), 4.0),
+        ("contact_stiffness", True, (np.nan, 9.0), 9.0),  # it diverged
         ("contact_stiffness", False, (9.0, 4.0), 9.0),
         ("coulomb", True, (9.0, 4.0), 9.0),  # there is no friction below none
     ],

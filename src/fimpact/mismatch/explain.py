@@ -87,7 +87,7 @@ def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explana
     if len(candidates) > 1 or not found.placed[-1].at_limit or not two_sided(candidates[0].placed.effect):
         return found
     other = _refit(bench, current, replace(candidates[0], strength=-candidates[0].strength))
-    return min(found, other, key=lambda e: e.deviance)
+    return min(found, other, key=lambda e: np.nan_to_num(e.deviance, nan=np.inf))
 
 
 def _refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:

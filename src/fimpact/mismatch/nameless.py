@@ -70,8 +70,9 @@ def nameless(
             them.
     """
     groups: dict[tuple[str, What], list[np.ndarray]] = {}
-    kinds, whats, columns = zip(*_columns(bench, explanation, found), strict=True)
-    for kind, what, candidate in zip(kinds, whats, scores(fitted, [NAMELESS] * len(columns), columns), strict=True):
+    asked = list(_columns(bench, explanation, found))
+    told = scores(fitted, [NAMELESS] * len(asked), [column for *_, column in asked])
+    for (kind, what, _), candidate in zip(asked, told, strict=True):
         if candidate.information > 0:
             groups.setdefault((kind, what), []).append(candidate.column.ravel())
     stacks = {name: np.stack(group, 1) for name, group in groups.items()}
