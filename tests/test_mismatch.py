@@ -384,10 +384,11 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch, dispers
 
 
 def test_only_what_comes_near_the_likeliest_gets_numerics_of_its_own(monkeypatch):
-    """And what they change is weighed again, until the likeliest has its own."""
+    """And what they change is weighed again, until the likeliest has its own. Where things collide and nothing is near
+    the noise, all of them get it."""
 
-    def rival(name, deviance, exact=False):
-        return SimpleNamespace(name=name, deviance=deviance, exact=exact)
+    def rival(name, deviance, exact=False, loudness=1.0):
+        return SimpleNamespace(name=name, deviance=deviance, exact=exact, loudness=loudness)
 
     def ranked(self, rivals):
         least = min(r.deviance for r in rivals)
@@ -403,11 +404,17 @@ def test_only_what_comes_near_the_likeliest_gets_numerics_of_its_own(monkeypatch
 
     monkeypatch.setattr(Search, "ranked", ranked)
     monkeypatch.setattr("fimpact.mismatch.step.corrected", corrected)
-    search = Search(None, (), None, None, print)
+    simulated = SimpleNamespace(training=SimpleNamespace(simulator=SimpleNamespace(base=None)))
+    search = Search(simulated, (), None, None, print)
     found = search.compared([rival("a", 0.0), rival("b", 58.0), rival("c", 50.0), rival("d", np.inf)])
     assert asked == ["a", "c", "b"] and [r.name for r in found] == ["c", "a", "b"]
     asked.clear()
     assert [r.name for r in search.compared([rival("a", 0.0), rival("b", 90.0)])] == ["a", "b"] and asked == ["a"]
+    for touching, loudness, expected in ((True, 1.0, "a"), (False, 2 * WILD, "a"), (True, 2 * WILD, "ab")):
+        monkeypatch.setattr("fimpact.mismatch.step.can_touch", lambda _, touching=touching: touching)
+        asked.clear()
+        search.compared([rival("a", 0.0, loudness=loudness), rival("b", 90.0)])
+        assert "".join(asked) == expected
 
 
 @pytest.mark.parametrize(
@@ -626,10 +633,11 @@ def test_what_is_alike_in_all_runs_is_no_difference():
     assert differences(column, np.zeros(6)).shape == (30, 0)
 
 
-def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(monkeypatch):
+@pytest.mark.parametrize("loudness", [0.5 * WILD, 2 * WILD])
+def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(monkeypatch, loudness):
     def explained(name):
         placed = [SimpleNamespace(at_limit=False) for _ in name.split("+")]
-        return SimpleNamespace(name=name, placed=placed, fitted=SimpleNamespace(point=None))
+        return SimpleNamespace(name=name, placed=placed, fitted=SimpleNamespace(point=None), loudness=loudness)
 
     rounds = iter(["payload", "com_shift+payload", "com_shift+payload"])
     left = iter(["com_shift", "payload"])
@@ -669,8 +677,12 @@ def accepting(monkeypatch, rivals, worthwhile):
 @pytest.mark.parametrize(("dispersion", "expected"), [(0.5 * WILD, None), (2 * WILD, "second")])
 def test_where_nothing_is_near_the_noise_the_next_is_asked(monkeypatch, dispersion, expected):
     """What one step promises is an order to rely on only where the steps end near the noise."""
-    rivals = [SimpleNamespace(name=name, placed=(None,), loudness=dispersion) for name in ("first", "second")]
-    assert accepting(monkeypatch, rivals, lambda leader: leader.name == "second") == expected
+
+    def rivals(*names):
+        return [SimpleNamespace(name=name, placed=(None,), loudness=dispersion) for name in names]
+
+    assert accepting(monkeypatch, rivals("first", "second"), lambda leader: leader.name == "second") == expected
+    assert accepting(monkeypatch, rivals("none", "second"), lambda leader: True) == expected
 
 
 @pytest.mark.parametrize(

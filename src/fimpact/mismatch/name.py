@@ -99,14 +99,18 @@ def _serving(search: Search, naive: Explanation, best: Explanation, last: Step, 
     asked = hopeful(best, last.rivals)
     for first in range(min(len(asked), TRIES)):
         ranked = search.ranked(asked[first:]) if first else last.rivals
+        # Where nothing is near the noise, what one step promises is no order to rely on: the next one is asked.
+        over = ranked[0].loudness <= WILD
         if not worthwhile(search, naive, best, replace(last, rivals=ranked)):
-            if ranked[0].loudness <= WILD:
+            if over:
                 return None
-            continue  # where nothing is near the noise, what one step promises is no order to rely on
+            continue
         # A surrogate that promised more, and does not keep it, gives the place back.
         for answers in [_reconsider(search, ranked), ranked] if len(ranked[0].placed) > 1 else [ranked]:
             if answers[0].name in known or not beats(search, answers[0], best):
-                return None  # it was the best before: from here on names would take turns for ever
+                if over:
+                    return None  # it was the best before: from here on names would take turns for ever
+                break
             found = accepted(search, best, answers[0])
             if found:
                 return found, answers

@@ -20,6 +20,7 @@ from fimpact.mismatch.pairs import pairs
 from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, scores, two_sided
 from fimpact.mismatch.tame import WILD
+from fimpact.mismatch.touch import can_touch
 from fimpact.mismatch.weigh import generalises, leading, led_by, members, weigh
 
 # Family-wise p at which a named effect is found; CERTAIN comes on top. Of 301 opened cases with nothing planted eight
@@ -75,12 +76,18 @@ class Search:
         return led_by(first, weighed)
 
     def compared(self, rivals: list[Explanation]) -> list[Explanation]:
-        """`rivals` that could be simulated, ranked, each that comes near the likeliest with numerics of its own."""
+        """`rivals` that could be simulated, ranked, each that may be the likeliest with numerics of its own."""
         found = self.ranked([r for r in rivals if np.isfinite(r.deviance)])
-        while rough := [r for r in found if not r.exact and r.weight >= CLOSE * max(f.weight for f in found)]:
+        while rough := [r for r in found if not r.exact and self._may_lead(r, found)]:
             own = {r.name: r for r in corrected(self.bench, rough)}
             found = self.ranked([own.get(r.name, r) for r in found])
         return found
+
+    def _may_lead(self, rival: Explanation, found: list[Explanation]) -> bool:
+        """Whether `rival` comes near the likeliest of those `found`, or things collide and nothing is near the noise:
+        there another's numerics may cost it more squares than any two explanations are apart."""
+        wild = found[0].loudness > WILD and can_touch(self.bench.training.simulator.base)
+        return wild or rival.weight >= CLOSE * max(r.weight for r in found)
 
 
 def step(search: Search, current: Explanation, least: float = 0.0, refits: int = REFITS, alarm: float = ALARM) -> Step:
