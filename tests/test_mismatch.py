@@ -660,13 +660,14 @@ def test_effects_that_make_each_other_superfluous_do_not_take_turns_for_ever(mon
     assert len(steps) == 3
 
 
-def accepting(monkeypatch, rivals, worthwhile):
+def accepting(monkeypatch, rivals, worthwhile, stubs=()):
     """What `_serving` takes of `rivals` if `worthwhile` judges their leader."""
     for stub, value in (
         ("hopeful", lambda _, rivals: rivals),
         ("worthwhile", lambda _, __, ___, last: worthwhile(last.rivals[0])),
         ("beats", lambda *_: True),
         ("accepted", lambda _, __, explanation: explanation),
+        *dict(stubs).items(),
     ):
         monkeypatch.setattr(f"fimpact.mismatch.name.{stub}", value)
     search = SimpleNamespace(ranked=lambda rivals: rivals)
@@ -677,12 +678,20 @@ def accepting(monkeypatch, rivals, worthwhile):
 @pytest.mark.parametrize(("dispersion", "expected"), [(0.5 * WILD, None), (2 * WILD, "second")])
 def test_where_nothing_is_near_the_noise_the_next_is_asked(monkeypatch, dispersion, expected):
     """What one step promises is an order to rely on only where the steps end near the noise."""
+    rivals = [SimpleNamespace(name=name, placed=(None,), loudness=dispersion) for name in ("first", "second")]
+    assert accepting(monkeypatch, rivals, lambda leader: leader.name == "second") == expected
 
-    def rivals(*names):
-        return [SimpleNamespace(name=name, placed=(None,), loudness=dispersion) for name in names]
 
-    assert accepting(monkeypatch, rivals("first", "second"), lambda leader: leader.name == "second") == expected
-    assert accepting(monkeypatch, rivals("none", "second"), lambda leader: True) == expected
+@pytest.mark.parametrize(("dispersion", "expected"), [(0.5 * WILD, "superfluous"), (2 * WILD, "better")])
+def test_where_nothing_is_near_the_noise_what_really_predicts_better_is_asked(monkeypatch, dispersion, expected):
+    """Reconsidered, what leads may promise more and not keep it; beside it is what does without the superfluous."""
+    promising, better, superfluous = (
+        SimpleNamespace(name=name, placed=(None, None), loudness=dispersion)
+        for name in ("promising", "better", "superfluous")
+    )
+    monkeypatch.setattr("fimpact.mismatch.name._reconsider", lambda *_: [promising, better])
+    refuse = {"accepted": lambda _, __, explanation: None if explanation is promising else explanation}
+    assert accepting(monkeypatch, [superfluous], lambda _: True, refuse) == expected
 
 
 @pytest.mark.parametrize(

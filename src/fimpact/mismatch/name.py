@@ -22,7 +22,7 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.step import ALARM, Search, Step, step, together
 from fimpact.mismatch.tame import WILD, tamed
-from fimpact.mismatch.weigh import both, explained, members, weigh, widened
+from fimpact.mismatch.weigh import both, explained, led_by, members, weigh, widened
 
 SUSPECT = 0.05  # family-wise p up to which a name is asked for where something without one is there for certain
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
@@ -99,22 +99,28 @@ def _serving(search: Search, naive: Explanation, best: Explanation, last: Step, 
     asked = hopeful(best, last.rivals)
     for first in range(min(len(asked), TRIES)):
         ranked = search.ranked(asked[first:]) if first else last.rivals
-        # Where nothing is near the noise, what one step promises is no order to rely on: the next one is asked.
-        over = ranked[0].loudness <= WILD
         if not worthwhile(search, naive, best, replace(last, rivals=ranked)):
-            if over:
+            if ranked[0].loudness <= WILD:
                 return None
-            continue
-        # A surrogate that promised more, and does not keep it, gives the place back.
-        for answers in [_reconsider(search, ranked), ranked] if len(ranked[0].placed) > 1 else [ranked]:
+            continue  # where nothing is near the noise, what one step promises is no order to rely on
+        for answers in _asked(search, best, ranked):
             if answers[0].name in known or not beats(search, answers[0], best):
-                if over:
-                    return None  # it was the best before: from here on names would take turns for ever
-                break
+                return None  # it was the best before: from here on names would take turns for ever
             found = accepted(search, best, answers[0])
             if found:
                 return found, answers
     return None
+
+
+def _asked(search: Search, best: Explanation, ranked: list[Explanation]) -> list[list[Explanation]]:
+    """What is asked in turn in the place of `ranked`: that reconsidered and, for a surrogate that promised more and
+    does not keep it gives the place back, as it was; between them, where nothing is near the noise, each that does not
+    lead and really predicts better."""
+    if len(ranked[0].placed) == 1:
+        return [ranked]
+    again = _reconsider(search, ranked)
+    others = hopeful(best, again)[1:TRIES] if ranked[0].loudness > WILD else []
+    return [again, *(led_by(other, again) for other in others), ranked]
 
 
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:
