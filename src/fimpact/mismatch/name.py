@@ -4,7 +4,7 @@ Screen every candidate by its score, refit the best few to convergence, compare 
 included; add the best, ask again, drop what became superfluous.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from fimpact.effects.base import Effect
@@ -22,7 +22,7 @@ from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, screen
 from fimpact.mismatch.step import ALARM, Search, Step, step, together
 from fimpact.mismatch.tame import WILD, tamed
-from fimpact.mismatch.weigh import both, explained, led_by, members, weigh, widened
+from fimpact.mismatch.weigh import both, explained, members, weigh, widened
 
 SUSPECT = 0.05  # family-wise p up to which a name is asked for where something without one is there for certain
 SWAPS = 2  # candidates that are refitted in the place of an effect that is there already
@@ -112,15 +112,17 @@ def _serving(search: Search, naive: Explanation, best: Explanation, last: Step, 
     return None
 
 
-def _asked(search: Search, best: Explanation, ranked: list[Explanation]) -> list[list[Explanation]]:
+def _asked(search: Search, best: Explanation, ranked: list[Explanation]) -> Iterator[list[Explanation]]:
     """What is asked in turn in the place of `ranked`: that reconsidered and, for a surrogate that promised more and
-    does not keep it gives the place back, as it was; between them, where nothing is near the noise, each that does not
-    lead and really predicts better."""
-    if len(ranked[0].placed) == 1:
-        return [ranked]
-    again = _reconsider(search, ranked)
-    others = hopeful(best, again)[1:TRIES] if ranked[0].loudness > WILD else []
-    return [again, *(led_by(other, again) for other in others), ranked]
+    does not keep it gives the place back, as it was; between them, where nothing is near the noise, what does not lead
+    and really predicts better."""
+    if len(ranked[0].placed) > 1:
+        again = _reconsider(search, ranked)
+        yield again
+        better = hopeful(best, again) if ranked[0].loudness > WILD else []
+        for first in range(1, min(len(better), TRIES)):
+            yield search.ranked(better[first:])
+    yield ranked
 
 
 def _reconsider(search: Search, rivals: list[Explanation]) -> list[Explanation]:

@@ -1,0 +1,72 @@
+"""Rate at which a swinging pendulum loses energy, as recorded and as a diagnosis has it, from large to small amplitude.
+
+python benchmarks/decay_rate.py config/recordings/arm_pendulum.yaml DIAGNOSIS.json --window 8 --data FOLDER
+
+Of one hinge and its angle. The rate is that of viscous friction which would lose as much in each window, d / I =
+-dE / (I integral of qvel^2), in 1/s, between its first and last turning point on one side; windows are simulated in one
+go from the state fitted to them.
+"""
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+from force_residual import hypotheses
+
+from fimpact.cases import read_case
+from fimpact.mismatch.judge import bench, settle
+
+
+def speeds(angle: np.ndarray, period: float) -> np.ndarray:
+    """Of angles (w, T), rad/s."""
+    return np.gradient(angle, period, axis=1)
+
+
+def potential(angle: np.ndarray, period: float) -> tuple[float, float]:
+    """a and b of qacc = a sin + b cos of the angle, beside friction: the potential is a cos - b sin, per inertia."""
+    speed = speeds(angle, period)
+    inner = (slice(None), slice(2, -2))
+    columns = [np.sin(angle), np.cos(angle), speed, np.sign(speed)]
+    rows = np.stack([column[inner].ravel() for column in columns], 1)
+    found = np.linalg.lstsq(rows, speeds(speed, period)[inner].ravel(), rcond=None)[0]
+    return found[0], found[1]
+
+
+def rates(angle: np.ndarray, period: float, a: float, b: float) -> np.ndarray:
+    """Of each window of angles (w, T), (w,), 1/s."""
+    speed, found = speeds(angle, period), []
+    energy = speed**2 / 2 + a * np.cos(angle) - b * np.sin(angle)
+    for own, fast in zip(energy, speed, strict=True):
+        turning = np.flatnonzero((fast[2:-3] > 0) & (fast[3:-2] <= 0)) + 2
+        first, last = turning[0], turning[-1]
+        found.append((own[first] - own[last]) / (fast[first:last] ** 2).sum() / period)
+    return np.array(found)
+
+
+def main() -> None:
+    """A line for each window of training and held-out runs: its amplitude, and the rates."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("case", type=Path)
+    parser.add_argument("diagnosis", type=Path)
+    parser.add_argument("--data", type=Path)
+    parser.add_argument("--window", type=float, default=8.0, help="s")
+    options = parser.parse_args()
+    recording = dataclasses.replace(read_case(options.case, options.data), window=options.window)
+    made, found = bench(recording), json.loads(options.diagnosis.read_text())
+    problems = made.training, made.held_out
+    recorded = np.concatenate([p.windows.measured[:, :, 0] for p in problems])
+    a, b = potential(recorded, recording.period)
+    columns = {"recorded": rates(recorded, recording.period, a, b)}
+    for label, hypothesis in hypotheses(found, len(recording.unknowns)).items():
+        points = [settle(p, hypothesis).point for p in problems]
+        paired = zip(problems, points, strict=True)
+        told = [p.simulator.predict(hypothesis, p.windows, q.qpos, q.qvel)[:, :, 0] for p, q in paired]
+        columns[label] = rates(np.concatenate(told), recording.period, a, b)
+    for k, swing in enumerate(np.ptp(recorded, axis=1) / 2):
+        print(f"{swing:.2f} rad: " + ", ".join(f"{label} {rate[k]:.4f}" for label, rate in columns.items()))
+
+
+if __name__ == "__main__":
+    main()
