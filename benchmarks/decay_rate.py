@@ -40,6 +40,8 @@ def rates(angle: np.ndarray, period: float, a: float, b: float) -> np.ndarray:
     energy = speed**2 / 2 + a * np.cos(angle) - b * np.sin(angle)
     for own, fast in zip(energy, speed, strict=True):
         turning = np.flatnonzero((fast[2:-3] > 0) & (fast[3:-2] <= 0)) + 2
+        if len(turning) < 2:
+            raise SystemExit("a window turns less than twice on one side; give a longer --window")
         first, last = turning[0], turning[-1]
         found.append((own[first] - own[last]) / (fast[first:last] ** 2).sum() / period)
     return np.array(found)
@@ -54,6 +56,8 @@ def main() -> None:
     parser.add_argument("--window", type=float, default=8.0, help="s")
     options = parser.parse_args()
     recording = dataclasses.replace(read_case(options.case, options.data), window=options.window)
+    if len(recording.channels) != 1:
+        raise SystemExit(f"one angle must be measured, got {', '.join(recording.channels)}")
     made, found = bench(recording), json.loads(options.diagnosis.read_text())
     problems = made.training, made.held_out
     recorded = np.concatenate([p.windows.measured[:, :, 0] for p in problems])
