@@ -11,7 +11,7 @@ import pytest
 
 from fimpact.concealed import draw, plants, referee
 from fimpact.concealed.archive import cases_in, load_recording, save_recording
-from fimpact.concealed.detect import cut, gather, models, predict, see, tangents
+from fimpact.concealed.detect import cut, gather, models, predict, see, tangents, whitener
 from fimpact.concealed.draw import draw_case
 from fimpact.concealed.motions import draw_motion
 from fimpact.concealed.rigs import RIGS, rig_of
@@ -161,7 +161,7 @@ def test_what_the_unknowns_can_do_is_fully_concealed(motions):
     sizes = gather(windows, played.samples).reshape(len(windows.row), -1) / rig.sd.mean()
     assert sizes.shape == predict(rig, models(rig, errors), windows.start, windows.ctrl).shape
     tangent = tangents(rig, errors, windows, pushed=False)
-    seen = see(rig, tangent, np.zeros((*sizes.shape, 1)), tangent.unknown[:, :, :1])
+    seen = see(rig, tangent, whitener(np.zeros((*sizes.shape, 1))), tangent.unknown[:, :, :1])
     assert seen.concealment[0][0] > 0.999
     assert seen.size[0] <= rig.unknowns[0].sd ** -2 * 1.01
 

@@ -60,12 +60,13 @@ def on_body(world: World, site: str, force) -> None:
 
     def make(model, data):
         body, jacobian = model.body(site).id, np.zeros((3, model.nv))
+        applied, qvel, centre = data.qfrc_applied, data.qvel, data.xipos[body]
 
         def before_step():
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_jacBodyCom(model, data, jacobian, None, body)
-            data.qfrc_applied += jacobian.T @ force(jacobian @ data.qvel, data.xipos[body], data.time)
+            applied[:] += jacobian.T @ force(jacobian @ qvel, centre, data.time)
 
         return before_step
 

@@ -3,6 +3,7 @@
 Everything here is computed on coarse copies, whose step is the naive model's.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -14,6 +15,7 @@ from fimpact.concealed.rigs import CLOCK, Rig
 from fimpact.concealed.world import DRIVEN, FULL, new_world
 
 PIECES = 5  # in which a window's disturbance is described
+White = Callable[[np.ndarray], np.ndarray]  # (W, n ny, k) -> the same in units in which noise is white
 SPREAD = 1e-6  # smallest information on a start, relative to its largest: keeps unseen directions solvable
 
 
@@ -154,12 +156,11 @@ class Seen:
         return float(cosine), float(self.gram[one, one] * (1 - cosine**2))
 
 
-def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> Seen:
-    """What an oracle sees of whitened `traces` (W, n ny, k) among disturbance `noise` (W, n ny, m) and white noise.
+def see(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> Seen:
+    """What an oracle sees of `traces` (W, n ny, k) among noise that `white`, a `whitener`, makes white.
 
     The unknowns are projected off within their priors, the starts of the windows as far as they are unknown.
     """
-    white = _whitener(noise)
     traces, unknown, start = (white(a) for a in (traces, _unknown(tangent), tangent.start))
     both = np.concatenate([traces, unknown], axis=2)
     cross = _t(start) @ both
@@ -170,11 +171,11 @@ def see(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> S
     return Seen(gram[:k, :k] - absorbed, np.sum(traces**2, axis=(0, 1)), np.diag(gram)[:k])
 
 
-def left_over(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray) -> np.ndarray:
+def left_over(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> np.ndarray:
     """Squares of each window, (W,), that are left of the first of `traces` (W, n ny, k) when the others, of any size,
     unknowns and starts have imitated it as far as they can; without what the priors of these cost, hence a little less
     in all than is left in `see`."""
-    white, others = _whitener(noise), traces.shape[2] - 1
+    others = traces.shape[2] - 1
     both, start = (white(a) for a in (np.concatenate([traces, _unknown(tangent)], 2), tangent.start))
     both -= start @ np.linalg.solve(_start_information(rig, tangent, start), _t(start) @ both)
     own, rest = both[:, :, :1], both[:, :, 1:]
@@ -183,9 +184,8 @@ def left_over(rig: Rig, tangent: Tangents, noise: np.ndarray, traces: np.ndarray
     return ((own - rest @ np.linalg.solve(gram, along)) ** 2).sum((1, 2))
 
 
-def absorb(rig: Rig, tangent: Tangents, noise: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def absorb(rig: Rig, tangent: Tangents, white: White, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the unknowns, (p,), and of the starts, (W, 2 nv), that imitate the trace `change` (W, n ny, 1) best."""
-    white = _whitener(noise)
     change, unknown, start = (white(a) for a in (change, _unknown(tangent), tangent.start))
     information = _start_information(rig, tangent, start)
     cross, along = _t(start) @ unknown, _t(start) @ change
@@ -214,8 +214,9 @@ def _start_information(rig, tangent, start):
     return gram + ridge + tangent.opens[:, None, None] * np.diag(rig.start_sd**-2.0)
 
 
-def _whitener(noise):
-    """Inverse root of 1 + noise noise^T, window by window."""
+def whitener(noise: np.ndarray) -> White:
+    """Inverse root of 1 + noise noise^T, window by window: makes white what disturbance `noise` (W, n ny, m) and white
+    noise add to measurements."""
     q, s, _ = np.linalg.svd(noise, full_matrices=False)
     shrink = 1 - 1 / np.sqrt(1 + s**2)
     return lambda a: a - q @ (shrink[:, :, None] * (_t(q) @ a))

@@ -1,12 +1,14 @@
 """Choosing an effect's size so that an oracle sees it with a given non-centrality."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from fimpact.concealed.detect import (
     Seen,
     Tangents,
+    White,
     Windows,
     absorb,
     coloured,
@@ -17,6 +19,7 @@ from fimpact.concealed.detect import (
     predict,
     see,
     tangents,
+    whitener,
 )
 from fimpact.concealed.motions import Motion
 from fimpact.concealed.planting import Plant, Values
@@ -49,6 +52,11 @@ class Stage:
     noise: np.ndarray
     disturbance: float
     correlation: float
+
+    @cached_property
+    def white(self) -> White:
+        """Measurements, (W, n ny, k), in units in which sensor noise and disturbance are white."""
+        return whitener(self.noise)
 
 
 @dataclass(frozen=True)
@@ -83,34 +91,36 @@ def _unplanted(rig: Rig, motion: Motion, errors, start) -> Tangents:
     return tangents(rig, errors, cut(rig, motion, states, runs), pushed=True)
 
 
-def planted_windows(stage: Stage, name: str, site: str, values: Values) -> tuple[Windows, np.ndarray]:
-    """Windows of the planted robot and what the effect changes in them, (W, n ny, 1)."""
+def planted_windows(stage: Stage, name: str, site: str, values: Values) -> tuple[Windows, np.ndarray, np.ndarray]:
+    """Windows of the planted robot, what they would show without the effect, (W, n ny), and what it changes in them,
+    (W, n ny, 1)."""
     rig, runs = stage.rig, np.flatnonzero(~stage.motion.held_out)
     world = new_world(rig, stage.errors, fine=False)
     plant(world, name, site, values)
     played = play(world, stage.start[runs], stage.motion.ctrl[runs])
     windows = cut(rig, stage.motion, played.states, runs)
     shown = (gather(windows, played.samples) / rig.sd).reshape(len(windows.row), -1)
-    change = shown - predict(rig, models(rig, stage.errors), windows.start, windows.ctrl)
+    plain = predict(rig, models(rig, stage.errors), windows.start, windows.ctrl)
+    change = shown - plain
     if not np.isfinite(change).all() or np.abs(played.states).max() > 1e3:
         raise Unfit(f"{name} at {site} makes the simulation diverge")
-    return windows, change[:, :, None]
+    return windows, plain, change[:, :, None]
 
 
 def trace(stage: Stage, name: str, site: str, size: float, values: Values) -> Trace:
     """The effect at one size, with tangents about its own motion."""
-    windows, change = planted_windows(stage, name, site, values)
+    windows, plain, change = planted_windows(stage, name, site, values)
     tangent = tangents(stage.rig, stage.errors, windows, pushed=False)
-    return Trace(size, values, _imitated(stage, windows, change, tangent), tangent)
+    return Trace(size, values, _imitated(stage, windows, plain, change, tangent), tangent)
 
 
-def _imitated(stage: Stage, windows, change, tangent: Tangents):
+def _imitated(stage: Stage, windows, plain, change, tangent: Tangents):
     """`change` as it shows beside the best imitation by unknowns and starts: what is nonlinear in a large change of
     theirs must not pass for what they cannot imitate."""
     rig, size, start = stage.rig, np.inf, np.zeros_like(windows.start)
-    shown = change[:, :, 0] + predict(rig, models(rig, stage.errors), windows.start, windows.ctrl)
+    shown = change[:, :, 0] + plain
     for _ in range(MOVES):
-        unknown, wanted = absorb(rig, tangent, stage.noise, change)
+        unknown, wanted = absorb(rig, tangent, stage.white, change)
         unknown = np.maximum(unknown, LEAST - stage.errors)
         model, moves = models(rig, stage.errors + unknown), (wanted, start)
         left = [shown - predict(rig, model, windows.start + move, windows.ctrl) for move in moves]
@@ -121,7 +131,7 @@ def _imitated(stage: Stage, windows, change, tangent: Tangents):
             break
         linear = tangent.unknown @ unknown + np.einsum("wmx,wx->wm", tangent.start, start)
         change, last = (left + linear)[:, :, None], size
-        size = float(see(rig, tangent, stage.noise, change).size[0])
+        size = float(see(rig, tangent, stage.white, change).size[0])
         if abs(size - last) < STILL * last:
             break
     return change
@@ -129,12 +139,12 @@ def _imitated(stage: Stage, windows, change, tangent: Tangents):
 
 def seen(stage: Stage, *traces: Trace) -> Seen:
     """What an oracle sees of each of some traces, with the tangents of the first."""
-    return see(stage.rig, traces[0].tangent, stage.noise, np.concatenate([t.change for t in traces], axis=2))
+    return see(stage.rig, traces[0].tangent, stage.white, np.concatenate([t.change for t in traces], axis=2))
 
 
 def concealment(stage: Stage, found: Trace) -> tuple[float, float]:
     """kappa against the sensors' noise, and kappa of the unknowns alone with the starts projected off first."""
-    kappa, unknown = see(stage.rig, found.tangent, 0 * stage.noise, found.change).concealment
+    kappa, unknown = see(stage.rig, found.tangent, whitener(0 * stage.noise), found.change).concealment
     return float(kappa[0]), float(unknown[0])
 
 
@@ -154,17 +164,17 @@ def glance(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign:
     """As `fit_size`, but with the tangents of the unplanted robot: quick, and good enough to see what is hopeless."""
     size = _search(stage, name, site, kind, shape, sign, target, stage.tangent, kind.begin)
     values = kind.values(sign * size, **shape)
-    windows, change = planted_windows(stage, name, site, values)
-    return Trace(size, values, _imitated(stage, windows, change, stage.tangent), stage.tangent)
+    windows, plain, change = planted_windows(stage, name, site, values)
+    return Trace(size, values, _imitated(stage, windows, plain, change, stage.tangent), stage.tangent)
 
 
 def _search(stage, name, site, kind, shape, sign, target, tangent, size):
     """Secant steps on log lambda against log size, with fixed tangents."""
     slope, last = 2.0, None
     for _ in range(SEARCHES):
-        windows, change = planted_windows(stage, name, site, kind.values(sign * size, **shape))
-        change = _imitated(stage, windows, change, tangent)
-        miss = np.log(max(see(stage.rig, tangent, stage.noise, change).size[0], 1e-9) / target)
+        windows, plain, change = planted_windows(stage, name, site, kind.values(sign * size, **shape))
+        change = _imitated(stage, windows, plain, change, tangent)
+        miss = np.log(max(see(stage.rig, tangent, stage.white, change).size[0], 1e-9) / target)
         if abs(miss) < CLOSE:
             return size
         if size < NOTHING * kind.begin and miss > 0:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.concealed.detect import Tangents, coloured, left_over, tangents
+from fimpact.concealed.detect import Tangents, coloured, left_over, tangents, whitener
 from fimpact.concealed.motions import Motion
 from fimpact.concealed.sizing import Stage, Trace, planted_windows
 
@@ -33,13 +33,13 @@ def best_split(stage: Stage, places: list[tuple[str, str]], traces: list[Trace],
     windows, tangent = shown[0][0], tangents(stage.rig, stage.errors, shown[0][0], pushed=True)
     noise = stage.disturbance * coloured(stage.rig, tangent.push, stage.correlation)
     recorded = stage.noise, np.concatenate([own.change for own in traces], 2)
-    further = noise, np.concatenate([change for _, change in shown], 2)
+    further = noise, np.concatenate([change for *_, change in shown], 2)
     found = []
     for run in range(TRIED):
         at = windows.row == run
         both = _joined(traces[0].tangent, tangent, at)
-        told = (np.concatenate([old, new[at]]) for old, new in zip(recorded, further, strict=True))
-        found.append(float(np.minimum(left_over(stage.rig, both, *told), MOST).sum()))
+        noise, shows = (np.concatenate([old, new[at]]) for old, new in zip(recorded, further, strict=True))
+        found.append(float(np.minimum(left_over(stage.rig, both, whitener(noise), shows), MOST).sum()))
     return max(found)
 
 

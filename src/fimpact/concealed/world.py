@@ -151,17 +151,15 @@ def _walk(world, model, first, drive, force):
         data = mujoco.MjData(model)
         mujoco.mj_setState(model, data, first[run], FULL)
         hooks = [make(model, data) for make in world.hooks]
+        # Asking for them takes longer than what is done with them.
+        ctrl, applied, qpos, qvel, senses = data.ctrl, data.qfrc_applied, data.qpos, data.qvel, data.sensordata
         for k in range(0, drive.shape[1] - world.hold + 1, world.hold):
-            data.ctrl, data.qfrc_applied = drive[run, k], force[run, k]
-            states[run, k, 0], states[run, k, 1 : 1 + model.nq], states[run, k, 1 + model.nq :] = (
-                data.time,
-                data.qpos,
-                data.qvel,
-            )
+            ctrl[:], applied[:], own = drive[run, k], force[run, k], states[run, k]
+            own[0], own[1 : 1 + model.nq], own[1 + model.nq :] = data.time, qpos, qvel
             for hook in hooks:
                 hook()
             mujoco.mj_step(model, data)
-            sensed[run, k] = data.sensordata  # of the step's beginning
+            sensed[run, k] = senses  # of the step's beginning
             if world.hold > 1:
                 mujoco.mj_step(model, data, world.hold - 1)
     return states[:, :: world.hold], sensed[:, :: world.hold]
