@@ -107,14 +107,15 @@ class State:
     def _body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if KINEMATICS not in self.memory:  # making it takes longer than all that follows
             self.memory[KINEMATICS] = mujoco.MjData(self.model)
-        data, body = self.memory[KINEMATICS], self.model.body(site).id
-        position, jacobian = np.empty((len(self.qpos), 3)), np.zeros((len(self.qpos), 3, self.model.nv))
-        for row, qpos in enumerate(self.qpos):
-            data.qpos[:] = qpos
-            mujoco.mj_kinematics(self.model, data)
-            mujoco.mj_comPos(self.model, data)
-            mujoco.mj_jacBodyCom(self.model, data, jacobian[row], None, body)
-            position[row] = data.xipos[body]
+        model, data, body = self.model, self.memory[KINEMATICS], self.model.body(site).id
+        position, jacobian = np.empty((len(self.qpos), 3)), np.zeros((len(self.qpos), 3, model.nv))
+        place, centre = data.qpos, data.xipos[body]  # asking for them takes as long as what is done with them
+        for own, moved, qpos in zip(position, jacobian, self.qpos, strict=True):
+            place[:] = qpos
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_jacBodyCom(model, data, moved, None, body)
+            own[:] = centre
         return position, np.einsum("nij,nj->ni", jacobian, self.qvel), jacobian
 
     def on_joint(self, dof: int, force: np.ndarray) -> np.ndarray:

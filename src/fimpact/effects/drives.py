@@ -41,8 +41,8 @@ def motor_force(state: State, site: str) -> np.ndarray:
     motor, (_, position, speed) = _motor(state, site), state.joint(site)
     total = np.zeros(len(position))
     for drive, _, force in _each(state, motor, position, speed):
-        total += drive.gear * np.clip(force, drive.low, drive.high)
-    return np.clip(total + _holding(state, motor, site), motor.low, motor.high)
+        total += drive.gear * _within(force, drive.low, drive.high)
+    return _within(total + _holding(state, motor, site), motor.low, motor.high)
 
 
 def is_servo(state: State, site: str) -> bool:
@@ -56,21 +56,26 @@ def servo_force(state: State, site: str, lead: np.ndarray, rate: np.ndarray) -> 
     motor, (_, position, speed) = _motor(state, site), state.joint(site)
     total, slopes = np.zeros(len(position)), np.zeros((3, len(position)))
     for drive, command, force in _each(state, motor, position + lead, speed + rate):
-        kept = np.clip(force, drive.low, drive.high)
+        kept = _within(force, drive.low, drive.high)
         total += drive.gear * kept
         both = np.multiply.outer(_three(drive.gain), command) + _three(drive.bias)[:, None]
         slopes -= drive.gear**2 * (kept == force) * both
     total += _holding(state, motor, site)
-    kept = np.clip(total, motor.low, motor.high)
+    kept = _within(total, motor.low, motor.high)
     return kept, *np.maximum(slopes[1:] * (kept == total), 0.0)
 
 
 def _each(state: State, motor: Motor, position: np.ndarray, speed: np.ndarray):
     """Each actuator with its command and its force before limits, (n,) each."""
     for drive in motor.actuators:
-        command = np.clip(state.ctrl[:, drive.index], drive.least, drive.most)
+        command = _within(state.ctrl[:, drive.index], drive.least, drive.most)
         force = _at(drive.gain, drive, position, speed) * command
         yield drive, command, force + _at(drive.bias, drive, position, speed)
+
+
+def _within(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    # As np.clip, which takes three times as long.
+    return np.minimum(np.maximum(values, low), high)
 
 
 def _holding(state: State, motor: Motor, site: str) -> np.ndarray | float:

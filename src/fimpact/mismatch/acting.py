@@ -34,7 +34,7 @@ class Acting:
             now, seen: the states at the start of the step, for gears, and half a step ahead, for all other laws.
             force: what acts anyway.
         """
-        pull, limits = force.copy(), np.tile(self._dry, (len(force), 1)) if self._losses else None
+        pull, limits = force.copy(), np.repeat(self._dry[None], len(force), 0) if self._losses else None
         for law in self.laws:
             _act(law, seen, pull, limits)
         at_once = pull.copy()

@@ -107,17 +107,17 @@ def adjusted_groups(
     ratio = energy / size / np.array([behind.scale(e, n) for e, n in zip(energy, size, strict=True)])
     rest = behind.freedom - size
     # Fisher's F where little is left to scale by, and no evidence where nothing is.
-    tails = [fisher(n, m).logsf(x) if m > 0 else 0.0 for n, m, x in zip(size, rest, ratio, strict=True)]
-    observed = np.array([_as(chi2(n), tail) for n, tail in zip(size, tails, strict=True)])
+    tails = np.where(rest > 0, fisher.logsf(ratio, size, np.maximum(rest, 1)), 0.0)
+    observed = _as(chi2, tails, size)
     drawn = _joint_draws(np.concatenate(bases, 1, dtype=np.float32), seed) ** 2
     sums = np.add.reduceat(drawn, np.cumsum(size) - size, axis=1)
     stands_out = _root(observed, size)
     return _p(stands_out, _root(sums, size).max(1)), np.maximum(energy - size, 0.0), stands_out
 
 
-def _as(distribution, log_tail: np.ndarray | float) -> np.ndarray:
-    """Where `distribution` has the tail probability exp(log_tail)."""
-    return distribution.isf(np.exp(np.maximum(log_tail, SMALLEST)))
+def _as(distribution, log_tail: np.ndarray, *shape) -> np.ndarray:
+    """Where `distribution`, of that `shape`, has the tail probability exp(log_tail)."""
+    return distribution.isf(np.exp(np.maximum(log_tail, SMALLEST)), *shape)
 
 
 def _root(squares: np.ndarray, size: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 from fimpact.mismatch.disturbance import Disturbance, disturbance
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Linear
-from fimpact.mismatch.pulses import Pulses
+from fimpact.mismatch.pulses import Felt, Pulses
 
 CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its commands
 PASSES = 3  # of a disturbance and the effect beside it in turn
@@ -45,7 +45,7 @@ class Colour:
         return np.append(own, np.full(self.clocks.shape[2], clock))
 
 
-def colour(found: Pulses, pushing: Disturbance) -> Colour:
+def colour(found: Felt, pushing: Disturbance) -> Colour:
     """What `pushing` makes of the noise in the windows of `found`."""
     directions, size, _ = np.linalg.svd(found.columns @ pushing.root(), full_matrices=False)
     return Colour(directions, np.sqrt(1 + (size / pushing.noise) ** 2), found.clocks, pushing)

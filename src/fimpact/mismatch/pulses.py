@@ -31,15 +31,21 @@ RATES, RINGING = (
 
 
 @dataclass(frozen=True)
-class Pulses:
-    """Sensitivities, (w, m, nv * BINS), to a unit force on each degree of freedom (named `dofs`) in each bin, and at
-    the middle of each bin: time (w, BINS) s since the start of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), ctrl
-    (w, BINS, nu), and the contact mode (w, BINS): "free", "impact" or "contact". swing (w, BINS, nv, 2 RATES): of what
-    would swing unseen, struck by each change of speed since the run began, or the last gap between windows. driven: the
-    degree of freedom behind each actuator, or -1. clocks (w, m, runs): sensitivity to a clock that is one sampling
-    period late, for each run."""
+class Felt:
+    """columns (w, m, nv * BINS): sensitivities to a unit force on each degree of freedom in each bin. clocks (w, m,
+    runs): sensitivity to a clock that is one sampling period late, for each run."""
 
     columns: np.ndarray
+    clocks: np.ndarray
+
+
+@dataclass(frozen=True)
+class Pulses(Felt):
+    """And the names of the degrees of freedom, `dofs`, and at the middle of each bin: time (w, BINS) s since the start
+    of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), ctrl (w, BINS, nu), and the contact mode (w, BINS): "free",
+    "impact" or "contact". swing (w, BINS, nv, 2 RATES): of what would swing unseen, struck by each change of speed
+    since the run began, or the last gap between windows. driven: the degree of freedom behind each actuator, or -1."""
+
     dofs: tuple[str, ...]
     time: np.ndarray
     qpos: np.ndarray
@@ -48,7 +54,6 @@ class Pulses:
     mode: np.ndarray
     swing: np.ndarray
     driven: tuple[int, ...]
-    clocks: np.ndarray
 
     @property
     def runs(self) -> np.ndarray:
@@ -82,16 +87,17 @@ class Pulses:
 
 
 def pulses(problem: Problem, fitted: Fit) -> Pulses:
-    """Pulses at the fitted point of `problem`."""
+    """Pulses at the fitted point of `problem`, and what the robot was doing meanwhile."""
+    found, dofs = felt(problem, fitted), dof_names(problem.simulator.base)
+    return Pulses(found.columns, found.clocks, dofs, *_meanwhile(problem, fitted))
+
+
+def felt(problem: Problem, fitted: Fit) -> Felt:
+    """Pulses at the fitted point of `problem`, without what the robot was doing, which takes longer to ask."""
     respond = _slopes if has_tangent(problem.simulator, fitted.point) else _secants
     # A linearised motion may diverge: what a pulse does there is as good as unbounded, and must not overflow.
     forces = np.clip(np.nan_to_num(respond(problem, fitted)), -UNBOUNDED, UNBOUNDED)
-    return Pulses(
-        problem.extend(forces),
-        dof_names(problem.simulator.base),
-        *_meanwhile(problem, fitted),
-        _clocks(problem, fitted),
-    )
+    return Felt(problem.extend(forces), _clocks(problem, fitted))
 
 
 def _slopes(problem: Problem, fitted: Fit) -> np.ndarray:

@@ -23,7 +23,7 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.generalised import REWEIGHTED, generalised
 from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import Linear, Point, Problem
-from fimpact.mismatch.pulses import pulses
+from fimpact.mismatch.pulses import felt, pulses
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.turned import turns
 from fimpact.mismatch.weigh import generalises
@@ -139,7 +139,7 @@ def _turned(simulator: Simulator, path: np.ndarray, runs: np.ndarray, first: np.
 def _noise(bench: Bench, problem: Problem, member: Fit, point: Point, pushing: Disturbance) -> Colour:
     """What `pushing` does in the windows of `problem`, whose own noise is raised by the error of the time step."""
     correct(bench, problem, point)
-    shade = colour(pulses(problem, replace(member, point=point)), pushing)
+    shade = colour(felt(problem, replace(member, point=point)), pushing)
     return replace(shade, clocks=shade.clocks.sum(2, keepdims=True))
 
 

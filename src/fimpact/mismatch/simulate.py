@@ -208,10 +208,10 @@ class Simulator:
         models, acting = copies or [model] * w, Acting(model, copies, laws)
         for k in range(steps):
             # Half a step ahead, so that holding the force over the step is accurate to second order.
-            ahead = state + (state - before) / 2
-            seen = [self.seen(model, own, ctrl[:, k], signal.time[:, k], memory) for own in (state, ahead)]
+            ahead = self.seen(model, state + (state - before) / 2, ctrl[:, k], signal.time[:, k], memory)
+            now = self.seen(model, state, ctrl[:, k], signal.time[:, k], memory) if acting.gears else ahead
             told = ctrl[:, k], None if instant is None else instant[:, k], force[:, k]
-            self.advance(models, acting, state, seen, told, k % self.substeps == 0, after, sensed[k])
+            self.advance(models, acting, state, (now, ahead), told, k % self.substeps == 0, after, sensed[k])
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].transpose(1, 0, 2)
 
@@ -219,8 +219,8 @@ class Simulator:
         """One step of all windows, into `after` and `sensed`, (w, 1, n) each.
 
         Args:
-            seen: the states at the start of the step and half a step ahead. told: commands over the step and at its
-                start, None: the same, and forces. reads: whether it begins at a sample.
+            seen: the states at the start of the step, which only gears ask for, and half a step ahead. told: commands
+                over the step and at its start, None: the same, and forces. reads: whether it begins at a sample.
         """
         ctrl, instant, force = told
         pull, at_once = acting(*seen, force)
