@@ -7,15 +7,11 @@ Of one hinge and its angle. The rate is that of viscous friction which would los
 go from the state fitted to them.
 """
 
-import argparse
 import dataclasses
-import json
-from pathlib import Path
 
 import numpy as np
-from force_residual import hypotheses
+from diagnosed import told
 
-from fimpact.cases import read_case
 from fimpact.mismatch.judge import bench, settle
 
 
@@ -49,25 +45,19 @@ def rates(angle: np.ndarray, period: float, a: float, b: float) -> np.ndarray:
 
 def main() -> None:
     """A line for each window of training and held-out runs: its amplitude, and the rates."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("case", type=Path)
-    parser.add_argument("diagnosis", type=Path)
-    parser.add_argument("--data", type=Path)
-    parser.add_argument("--window", type=float, default=8.0, help="s")
-    options = parser.parse_args()
-    recording = dataclasses.replace(read_case(options.case, options.data), window=options.window)
+    recording, tried, options = told(__doc__, window=(8.0, "s"))
     if len(recording.channels) != 1:
         raise SystemExit(f"one angle must be measured, got {', '.join(recording.channels)}")
-    made, found = bench(recording), json.loads(options.diagnosis.read_text())
+    made = bench(dataclasses.replace(recording, window=options.window))
     problems = made.training, made.held_out
     recorded = np.concatenate([p.windows.measured[:, :, 0] for p in problems])
     a, b = potential(recorded, recording.period)
     columns = {"recorded": rates(recorded, recording.period, a, b)}
-    for label, hypothesis in hypotheses(found, len(recording.unknowns)).items():
+    for label, hypothesis in tried.items():
         points = [settle(p, hypothesis).point for p in problems]
         paired = zip(problems, points, strict=True)
-        told = [p.simulator.predict(hypothesis, p.windows, q.qpos, q.qvel)[:, :, 0] for p, q in paired]
-        columns[label] = rates(np.concatenate(told), recording.period, a, b)
+        angles = [p.simulator.predict(hypothesis, p.windows, q.qpos, q.qvel)[:, :, 0] for p, q in paired]
+        columns[label] = rates(np.concatenate(angles), recording.period, a, b)
     for k, swing in enumerate(np.ptp(recorded, axis=1) / 2):
         print(f"{swing:.2f} rad: " + ", ".join(f"{label} {rate[k]:.4f}" for label, rate in columns.items()))
 

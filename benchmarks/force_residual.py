@@ -8,38 +8,17 @@ divided by the driving force, root mean squares both. This is how such rigs are 
 diagnoses themselves never use it.
 """
 
-import argparse
-import json
-from pathlib import Path
-
 import mujoco
 import numpy as np
+from diagnosed import told
 from scipy.signal import butter, filtfilt
 
 from fimpact.added_force import law_force
-from fimpact.cases import kinds, read_case
-from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed
+from fimpact.cases import kinds
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 
 EDGE = 0.1  # s at either end, where a filter has no neighbours
 ABOVE, FASTEST = 5.0, 0.8  # cutoff of positions over that of forces; at most, of half the sampling rate
-
-
-def hypotheses(diagnosis: dict, count: int) -> dict[str, Hypothesis]:
-    """The naive fit and the answer of a diagnosis whose recording has `count` unknowns."""
-    own, rest = diagnosis["parameters"][:count], diagnosis["parameters"][count:]
-    values: dict[str, dict[str, float]] = {}
-    for row in rest:
-        values.setdefault(row["of"], {})[row["name"]] = row["after"]
-    placed = []
-    for name, fitted in values.items():
-        effect, _, site = name.partition("@")
-        placed.append(Placed(EFFECTS[effect], site, EFFECTS[effect].neutral | fitted))
-    return {
-        "naive fit": Hypothesis(np.array([row["naive"] for row in own])),
-        "answer": Hypothesis(np.array([row["after"] for row in own]), tuple(placed)),
-    }
 
 
 def missing_force(simulator: Simulator, hypothesis: Hypothesis, motion, ctrl) -> tuple[np.ndarray, np.ndarray]:
@@ -72,14 +51,7 @@ def refuse(simulator: Simulator, recording, answer: Hypothesis) -> None:
 
 def main() -> None:
     """One line per held-out run and joint."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("case", type=Path)
-    parser.add_argument("diagnosis", type=Path)
-    parser.add_argument("--data", type=Path)
-    parser.add_argument("--cutoff", type=float, default=20.0, help="Hz")
-    options = parser.parse_args()
-    recording = read_case(options.case, options.data)
-    tried = hypotheses(json.loads(options.diagnosis.read_text()), len(recording.unknowns))
+    recording, tried, options = told(__doc__, cutoff=(20.0, "Hz"))
     simulator, step = Simulator(recording), recording.period
     slow, edge = butter(4, 2 * options.cutoff * step), round(EDGE / step)
     fast = butter(4, min(2 * ABOVE * options.cutoff * step, FASTEST))

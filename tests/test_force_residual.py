@@ -1,28 +1,18 @@
 """Inverse dynamics of a diagnosis: what its answer leaves of the force that drove a motion."""
 
-import importlib.util
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
+from diagnosed import hypotheses
+from force_residual import missing_force
 
 from fimpact.mismatch.simulate import Simulator
 from fimpact.recordings import Recording, Run, Unknown
 
-SCRIPT = Path(__file__).parents[1] / "benchmarks" / "force_residual.py"
 ARM = """<mujoco><option timestep="0.005"/><worldbody><body name="link"><joint name="hinge" axis="0 1 0"/>
 <geom size="0.05" mass="1" pos="0 0 -0.3"/></body></worldbody><actuator><motor name="drive" joint="hinge"/></actuator>
 <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
 FRICTION = 0.3  # N m
-
-
-@pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location(SCRIPT.stem, SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +32,11 @@ def driven():
     return Simulator(recording), (rows[:, 0], rows[:, 1], rows[:, 2]), rows[:, 3]
 
 
-def test_the_answer_leaves_nothing_and_the_naive_fit_its_friction(script, driven):
+def test_the_answer_leaves_nothing_and_the_naive_fit_its_friction(driven):
     own = {"naive": 1.0, "after": 1.0}
     found = {"of": "coulomb@hinge", "name": "friction", "after": FRICTION}
-    tried = script.hypotheses({"parameters": [own, found]}, 1)
-    (naive, driving), (left, _) = (script.missing_force(driven[0], h, *driven[1:]) for h in tried.values())
+    tried = hypotheses({"parameters": [own, found]}, 1)
+    (naive, driving), (left, _) = (missing_force(driven[0], h, *driven[1:]) for h in tried.values())
     speed = driven[1][1]
     moving = np.abs(speed) > np.abs(speed).max() / 3
     np.testing.assert_allclose(naive[moving], -FRICTION * np.sign(speed)[moving], atol=0.02)
