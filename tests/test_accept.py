@@ -14,7 +14,7 @@ from fimpact.mismatch.name import SUSPECT, _further, answered
 from fimpact.mismatch.nameless import Stranger
 from fimpact.mismatch.naming import CROWD, CROWDED, DOUBTED, RIGHT, SHARP, Naming
 from fimpact.mismatch.problem import Point
-from fimpact.mismatch.step import SEEN, Step, step
+from fimpact.mismatch.step import HOPELESS, SEEN, Step, _worst, step
 from fimpact.mismatch.tame import WILD
 
 SAMPLES = 100
@@ -27,6 +27,20 @@ def rival(name, *squares, friction=0.1, dispersion=3.0):
     judged = SimpleNamespace(point=point)
     placed = (Placed(EFFECTS["coulomb"], "joint_1", {"friction": friction}),)
     return SimpleNamespace(name=name, fitted=0, judged=judged, placed=placed, weight=1.0, loudness=dispersion)
+
+
+def test_what_rules_another_out_is_near_the_noise_and_could_be_simulated():
+    def tried(*sizes, deviance=0.0):
+        residual = np.outer(sizes, np.ones(SAMPLES))
+        point = Point(None, None, None, residual, (residual**2).sum() / 2)
+        return SimpleNamespace(deviance=deviance, fitted=SimpleNamespace(point=point))
+
+    quiet, unknown = tried(1.0, 1.0), tried(0.5, 0.5, deviance=np.inf)
+    assert _worst([]) == _worst([tried(3.0, 3.0)]) == _worst([unknown]) == np.inf
+    assert _worst([quiet, tried(2.0, 2.0), unknown]) == pytest.approx(SAMPLES + HOPELESS)
+    # Where disturbances make it so loud, or windows so unlike, training alone tells less.
+    assert _worst([tried(2.0, 2.0)]) == pytest.approx(4 * (SAMPLES + HOPELESS))
+    assert _worst([tried(*7 * [1.0], 3.0)]) == np.inf
 
 
 def test_squares_beyond_noise_count_by_their_logarithm():

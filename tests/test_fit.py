@@ -14,7 +14,7 @@ from fimpact.effects.base import Placed
 from fimpact.mismatch import judge
 from fimpact.mismatch.coordinates import coordinates
 from fimpact.mismatch.explain import explain
-from fimpact.mismatch.fit import SETTLED, fit, negligible
+from fimpact.mismatch.fit import SETTLED, _descended, fit, negligible
 from fimpact.mismatch.judge import bench, calmed, converging, correct, settle
 from fimpact.mismatch.leap import leap, leaped
 from fimpact.mismatch.offer import offered
@@ -104,6 +104,23 @@ def test_a_leap_begins_windows_anew_where_those_of_the_point_lead_nowhere(slidin
     sunk = problem.evaluate(wrong.hypothesis, wrong.qpos - [0.0, 0.2], wrong.qvel, free)
     there = leap(problem, free, sunk, 0, TRUE - free.read(wrong.hypothesis)[0])
     assert there.cost < 1e-3 * wrong.cost < sunk.cost
+
+
+def test_what_cannot_come_below_the_worst_cost_is_not_followed_to_its_end(sliding):
+    problem = sliding.training.louder(np.full(3, 30.0))  # near the noise
+    free = coordinates(problem.simulator)
+    best = fit(problem, free, first_point(problem, free, Hypothesis(np.array([TRUE])))).point
+    near = problem.evaluate(Hypothesis(np.array([1.01 * TRUE])), best.qpos, best.qvel, free)
+    linear = problem.linearise(near, free)
+    whole = fit(problem, free, near, linear=linear)
+    among, beside = (fit(problem, free, near, linear=linear, worst=w) for w in (1.01 * whole.point.cost, -1e9))
+    assert 1.1 * whole.point.cost < near.cost
+    assert among.point.cost == whole.point.cost and among.converged == whole.converged
+    assert beside.point is near and beside.linear is linear and not beside.converged
+    # Far from the noise one step promises little of what further ones may gain.
+    loud = problem.evaluate(Hypothesis(np.array([2 * TRUE])), best.qpos, best.qvel, free)
+    linear = problem.linearise(loud, free)
+    assert _descended(problem, free, loud, 12, linear, True, worst=-1e9).point.cost < 0.1 * loud.cost
 
 
 def test_what_one_window_shows_of_nothing_does_not_move_a_friction_that_others_show(sliding):

@@ -79,25 +79,29 @@ def naive_fit(bench: Bench) -> Explanation:
     return explain(*base_fit(bench, coordinates(simulator), Hypothesis(simulator.theta)))
 
 
-def refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:
+def refit(bench: Bench, current: Explanation, *candidates: Candidate, worst: float = np.inf) -> Explanation:
     """All coordinates together, to convergence; what is shared with the current fit is not linearised anew, and its
     numerics are taken over (`corrected`). What ends as large as it may be is tried from the other side too: the tangent
-    at zero does not tell which way something far away is."""
-    found = _refit(bench, current, *candidates)
+    at zero does not tell which way something far away is.
+
+    Args:
+        worst: as of `fit`.
+    """
+    found = _refit(bench, current, *candidates, worst=worst)
     if len(candidates) > 1 or not found.placed[-1].at_limit or not two_sided(candidates[0].placed.effect):
         return found
-    other = _refit(bench, current, replace(candidates[0], strength=-candidates[0].strength))
+    other = _refit(bench, current, replace(candidates[0], strength=-candidates[0].strength), worst=worst)
     return min(found, other, key=lambda e: np.nan_to_num(e.deviance, nan=np.inf))
 
 
-def _refit(bench: Bench, current: Explanation, *candidates: Candidate) -> Explanation:
+def _refit(bench: Bench, current: Explanation, *candidates: Candidate, worst: float) -> Explanation:
     problem = bench.training
     sizes = tuple(sizes_of(p) for p in (*current.placed, *(c.placed for c in candidates)))
     start, free = _begun(problem, current, candidates, sizes)
     if not np.isfinite(start.cost):
         return replace(current, placed=start.hypothesis.placed, deviance=np.inf)
     new = range(len(current.fitted.coordinates.scale), len(free.scale))
-    fitted = fit(problem, free, start, 12, beside(problem, current.fitted, start, free), far=new)
+    fitted = fit(problem, free, start, 12, beside(problem, current.fitted, start, free), far=new, worst=worst)
     judged = settle(bench.held_out, fitted.point.hypothesis, current.judged.point, current.judged.linear)
     return explain(fitted, judged)
 

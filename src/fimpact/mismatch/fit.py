@@ -54,6 +54,7 @@ def fit(
     linear: Linear | None = None,
     refresh: bool = True,
     far: Collection[int] | None = None,
+    worst: float = np.inf,
 ) -> Fit:
     """Minimise from `start`; where things touch and that ends far from the noise, in an optimum of its own or not,
     once more from where windows that are stuck begin anew, and from where long steps lead.
@@ -62,8 +63,10 @@ def fit(
         linear: sensitivities to begin with; they are kept for `PATIENCE` iterations and refreshed after.
         refresh: whether those that are returned must be of the optimum itself, and not of a point near it.
         far: coordinates in which long steps are tried; None: in all.
+        worst: cost; what would stay above it if all further steps gained as much as the next, and is near the noise,
+            is not followed to its end, nor are sensitivities refreshed there.
     """
-    found = _descended(problem, coordinates, start, iterations, linear, refresh)
+    found = _descended(problem, coordinates, start, iterations, linear, refresh, worst)
     if not (refresh and lost(found.point) and can_touch(problem.simulator.base)):
         return found
     begun = restarted(problem, coordinates, found.point)
@@ -77,14 +80,16 @@ def fit(
     return _descended(problem, coordinates, there, iterations, None, refresh)
 
 
-def _descended(problem, coordinates, start, iterations, linear, refresh) -> Fit:
+def _descended(problem, coordinates, start, iterations, linear, refresh, worst=np.inf) -> Fit:
     point, damping, converged = start if linear else settled(problem, coordinates, start), FIRST, False
     linear, age = linear or problem.linearise(point, coordinates), 0
-    for _ in range(iterations):
+    for left in range(iterations, 0, -1):
         z_step, x_step, gain = _step(point, linear, coordinates, damping)
         if gain < 0.0:  # a bound cut the step short
             damping = max(30 * damping, FAILED)
             continue
+        if point.cost - left * gain > worst and not lost(point):
+            return _made(point, linear, coordinates, False)
         little = negligible(point)
         if gain < little:
             if age == 0 or not refresh:

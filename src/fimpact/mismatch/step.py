@@ -21,7 +21,7 @@ from fimpact.mismatch.pulses import Pulses
 from fimpact.mismatch.score import Candidate, rescore, scores, two_sided
 from fimpact.mismatch.tame import WILD
 from fimpact.mismatch.touch import can_touch
-from fimpact.mismatch.weigh import generalises, leading, led_by, members, weigh
+from fimpact.mismatch.weigh import dispersion, generalises, leading, led_by, members, weigh
 
 # Family-wise p at which a named effect is found; CERTAIN comes on top. Of 301 opened cases with nothing planted eight
 # had p of at most 0.005 and three of at most 0.002.
@@ -37,6 +37,7 @@ PAIRS = 4  # pairs refitted of each ranking, where no single candidate is worth 
 RIVAL, STRANGE = 0.4, 0.1
 CLEAR = 10.0  # what comes on top of that for small gains, half of that share at most
 TWIN = 0.8  # cosine with a candidate to be refitted above which one is refitted whatever it is predicted to gain
+HOPELESS = 50.0  # log-likelihood by which training windows rule out what is not followed to its optimum
 CLOSE = 1e-4  # weight, relative to the likeliest, above which the error of the time step could change the order
 VOID = 1e-4  # squares by which a shape's whole scale must change predictions to mean anything
 
@@ -169,8 +170,17 @@ def _refitted(
         new.setdefault(candidate.placed.name, candidate)
     for candidate in (c for n, c in new.items() if n not in known):
         search.progress(f"refitting with {candidate.placed.name}")
-        rivals = [*rivals, refit(search.bench, current, candidate)]
+        rivals = [*rivals, refit(search.bench, current, candidate, worst=_worst(rivals))]
     return search.compared(rivals)
+
+
+def _worst(rivals: list[Explanation]) -> float:
+    """Cost from which another is `HOPELESS` beside the best of the `rivals`, where windows are dispersed as they are;
+    inf where nothing is near the noise, and what one step promises is no order to rely on."""
+    fits = [rival.fitted for rival in rivals if np.isfinite(rival.deviance)]
+    best = min(fits, key=lambda fitted: fitted.point.cost, default=None)
+    spread = dispersion([best], [best.point.squares], 1.0) if best else np.inf
+    return best.point.cost + HOPELESS * spread if spread <= WILD else np.inf
 
 
 def _beside(search: Search, fitted: Fit, screened: list[Candidate]) -> tuple[Fit, list[Candidate]]:
