@@ -8,7 +8,7 @@ import pytest
 from fimpact.concealed.strangers import known
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch.accept import accepted, hopeful, idle, improved, kept, worthwhile
+from fimpact.mismatch.accept import _own, accepted, hopeful, idle, improved, kept, worthwhile
 from fimpact.mismatch.generalised import tempered
 from fimpact.mismatch.name import SUSPECT, _further, answered
 from fimpact.mismatch.nameless import Stranger
@@ -26,7 +26,23 @@ def rival(name, *squares, friction=0.1, dispersion=3.0):
     point = Point(None, None, None, residual, np.sum(squares) / 2)
     judged = SimpleNamespace(point=point)
     placed = (Placed(EFFECTS["coulomb"], "joint_1", {"friction": friction}),)
-    return SimpleNamespace(name=name, fitted=0, judged=judged, placed=placed, weight=1.0, loudness=dispersion)
+    known = {"weight": 1.0, "loudness": dispersion, "offsets": None}
+    return SimpleNamespace(name=name, fitted=0, judged=judged, placed=placed, **known)
+
+
+def naive_bench():
+    bench = SimpleNamespace(offsets="naive")
+    bench.restore = lambda state: setattr(bench, "offsets", state)
+    return bench
+
+
+def test_numerics_that_are_known_are_sought_again_only_far_from_the_noise(monkeypatch):
+    monkeypatch.setattr("fimpact.mismatch.accept.numerics", lambda *_: "sought")
+    bench, known = naive_bench(), SimpleNamespace(offsets="own", loudness=WILD)
+    assert _own(bench, SimpleNamespace(offsets=None, loudness=WILD)) == "sought"
+    assert _own(bench, SimpleNamespace(offsets="own", loudness=1.01 * WILD)) == "sought"
+    assert bench.offsets == "naive"
+    assert _own(bench, known) is known and bench.offsets == "own"
 
 
 def test_what_rules_another_out_is_near_the_noise_and_could_be_simulated():
@@ -97,8 +113,7 @@ def test_where_nothing_is_near_the_noise_only_those_that_predict_better_are_trie
     ],
 )
 def test_the_generalised_optimum_is_taken_only_where_it_keeps_its_word(monkeypatch, plain, sharp, friction, far, found):
-    bench = SimpleNamespace(offsets="naive")
-    bench.restore = lambda state: setattr(bench, "offsets", state)
+    bench = naive_bench()
 
     def arriving(name, squares):
         def at(*_):
@@ -110,7 +125,7 @@ def test_the_generalised_optimum_is_taken_only_where_it_keeps_its_word(monkeypat
     monkeypatch.setattr("fimpact.mismatch.accept.numerics", arriving("plain", plain))
     monkeypatch.setattr("fimpact.mismatch.accept.sharpened", arriving("sharp", sharp))
     monkeypatch.setattr("fimpact.mismatch.accept.tamed", lambda _, found: found)
-    answer = accepted(SimpleNamespace(bench=bench, pulses=None), rival("none", 300), None)
+    answer = accepted(SimpleNamespace(bench=bench, pulses=None), rival("none", 300), rival("promised", 0))
     assert (answer.name if answer else None, bench.offsets) == (found, found or "naive")
 
 
@@ -124,7 +139,7 @@ def test_disturbances_that_are_what_they_are_taken_for_decide(monkeypatch, among
     monkeypatch.setattr("fimpact.mismatch.accept.numerics", lambda *_: rival("plain", 900))
     monkeypatch.setattr("fimpact.mismatch.accept.sharpened", lambda *_: sharp)
     search = SimpleNamespace(bench=SimpleNamespace(offsets=0, restore=lambda _: 0), pulses=None, held_out=None)
-    assert (accepted(search, rival("none", 300), None) is sharp) is found
+    assert (accepted(search, rival("none", 300), rival("promised", 0)) is sharp) is found
 
 
 @pytest.mark.parametrize(

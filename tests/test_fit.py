@@ -193,9 +193,10 @@ def test_what_numerics_make_of_a_window_in_one_explanation_they_make_of_it_in_al
     for problem.offset in (right, wrong):
         start = first_point(problem, coordinates(problem.simulator), Hypothesis(np.array([TRUE])))
         fits.append(settle(problem, start.hypothesis, start))
-    before, (one, other) = fits[0].point.squares, offered(problem, fits, [right, wrong])
+    before, ((one, _), (other, offset)) = fits[0].point.squares, offered(problem, fits, [right, wrong])
     assert fits[1].point.squares[1] > 5 * before[1]
     assert other.point.squares[1] < 1.01 * before[1]
+    assert not offset[1].any() and wrong[1].any()
     assert (one.point.squares <= before + 1e-6).all()
 
 

@@ -10,6 +10,7 @@ from fimpact.mismatch.colour import colour
 from fimpact.mismatch.disturbance import disturbance
 from fimpact.mismatch.explain import Explanation, numerics, sharpened
 from fimpact.mismatch.generalised import tempered
+from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.step import Search, Step
 from fimpact.mismatch.tame import WILD, tamed
 from fimpact.mismatch.weigh import predicted, weigh
@@ -57,7 +58,7 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
     only that predicts held-out windows, for disturbances need not be what they are taken for, or, where nothing is near
     the noise, where that predicts them better; None, and numerics as they were, if neither does."""
     before = search.bench.offsets
-    plain = numerics(search.bench, promised)
+    plain = _own(search.bench, promised)
     own = search.bench.offsets
     found = tamed(search.bench, sharpened(search.bench, search.pulses, plain))
     ordinary = not idle(plain) and kept(best, plain)
@@ -66,6 +67,15 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
         return found
     search.bench.restore(own if ordinary else before)
     return plain if ordinary else None
+
+
+def _own(bench: Bench, promised: Explanation) -> Explanation:
+    """`promised` with numerics of its own, to which those of `bench` are set: as they are known, but where nothing is
+    near the noise, and collisions have several that are at peace with themselves, sought from here."""
+    if promised.offsets is None or promised.loudness > WILD:
+        return numerics(bench, promised)
+    bench.restore(promised.offsets)
+    return promised
 
 
 def _kept_among(search: Search, before: Explanation, after: Explanation) -> bool:

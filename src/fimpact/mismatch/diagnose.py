@@ -229,7 +229,7 @@ def _step(step: Step) -> dict[str, Any]:
             "name": r.name,
             "weight": r.weight,
             "deviance": r.deviance,
-            "converged": r.fitted.converged,
+            "converged": bool(r.fitted.converged),
             "held_out": float(r.judged.point.squares.sum()),
             "values": {p.name: p.values for p in r.placed},
         }

@@ -28,8 +28,9 @@ SHARPER = 2  # generalised steps from a fit by ordinary least squares
 class Explanation:
     """The effects added, the fit, and the held-out windows under it; deviance: `explain`, or `weigh` where rivals were
     weighed; shaped: what its shapes cost of that; weight: its share of belief among its rivals; dispersion: what their
-    deviances were divided by; noise: what is white under the likeliest of them, in units of the sensors'; exact:
-    whether the time step's error was measured here and not where a rival is; exposed: `judged` with the sensitivities
+    deviances were divided by; noise: what is white under the likeliest of them, in units of the sensors'; offsets:
+    the time step's error in training and held-out windows, where it was measured here and not where a rival is;
+    exposed: `judged` with the sensitivities
     to the coordinates of `fitted`, where rivals were weighed."""
 
     placed: tuple[Placed, ...]
@@ -40,13 +41,18 @@ class Explanation:
     weight: float = 0.0
     dispersion: float = 1.0
     noise: float = 1.0
-    exact: bool = False
+    offsets: tuple[np.ndarray, np.ndarray] | None = None
     exposed: Fit | None = None
 
     @property
     def name(self) -> str:
         """Names joined by +, in alphabetical order; "none" for the naive model."""
         return "+".join(sorted(p.name for p in self.placed)) or "none"
+
+    @property
+    def exact(self) -> bool:
+        """Whether its numerics are its own."""
+        return self.offsets is not None
 
     @property
     def loudness(self) -> float:
@@ -131,16 +137,14 @@ def corrected(bench: Bench, rivals: Sequence[Explanation]) -> list[Explanation]:
     fits one of them far better, its numerics and start there are offered to the others: a collision between two steps
     has several that are at peace with themselves, and which of them a rival found must not decide. Numerics of the
     problems are left as they are for the others."""
-    before, found, offsets = bench.offsets, [], []
-    for rival in rivals:
-        found.append(numerics(bench, rival))
-        offsets.append(bench.offsets)
+    before, found = bench.offsets, [numerics(bench, rival) for rival in rivals]
     parts = [
-        offered(problem, [(r.fitted, r.judged)[side] for r in found], [own[side] for own in offsets])
+        offered(problem, [r.parts[side] for r in found], [r.offsets[side] for r in found])
         for side, problem in enumerate((bench.training, bench.held_out))
     ]
     bench.restore(before)
-    return [replace(explain(*pair), **r.weighed, exact=True) for r, *pair in zip(found, *parts, strict=True)]
+    pairs = [zip(*pair, strict=True) for pair in zip(*parts, strict=True)]
+    return [replace(explain(*fits), **r.weighed, offsets=own) for r, (fits, own) in zip(found, pairs, strict=True)]
 
 
 def without(bench: Bench, current: Explanation, rest: tuple[Placed, ...]) -> Explanation:
@@ -173,7 +177,7 @@ def numerics(bench: Bench, best: Explanation) -> Explanation:
     fitted = again(bench, bench.training, best.fitted)
     judged = settle(bench.held_out, fitted.point.hypothesis, best.judged.point, best.judged.linear)
     judged = again(bench, bench.held_out, judged)
-    return replace(explain(fitted, judged), **best.weighed, exact=True)
+    return replace(explain(fitted, judged), **best.weighed, offsets=bench.offsets)
 
 
 def sharpened(bench: Bench, found: Pulses, explanation: Explanation) -> Explanation:

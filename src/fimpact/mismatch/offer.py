@@ -16,8 +16,9 @@ from fimpact.mismatch.settle import tried
 STRAY, SLIGHT = 9.0, 3.0
 
 
-def offered(problem: Problem, fits: Sequence[Fit], offsets: Sequence[np.ndarray]) -> list[Fit]:
-    """`fits` of one problem, each with numerics and start of the best of them in windows that these fit better.
+def offered(problem: Problem, fits: Sequence[Fit], offsets: Sequence[np.ndarray]) -> list[tuple[Fit, np.ndarray]]:
+    """`fits` of one problem, each with numerics and start of the best of them in windows that these fit better, and
+    with all its numerics, (w, T, ny).
 
     Args:
         offsets: numerics of each, (w, T, ny); those of `problem` are left as any of them.
@@ -25,7 +26,7 @@ def offered(problem: Problem, fits: Sequence[Fit], offsets: Sequence[np.ndarray]
     squares = np.nan_to_num([f.point.squares for f in fits], nan=np.inf)
     best = squares.argmin(0)
     return [
-        _taken(problem, own, offset, fits, offsets, {w: best[w] for w in np.flatnonzero(lost)})
+        (_taken(problem, own, offset, fits, offsets, {w: best[w] for w in np.flatnonzero(lost)}), problem.offset)
         for own, offset, lost in zip(fits, offsets, squares > squares.min(0) + STRAY, strict=True)
     ]
 
