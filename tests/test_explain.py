@@ -31,12 +31,13 @@ class Candidate:
 def test_what_ends_at_its_limit_is_tried_from_the_other_side(monkeypatch, effect, limited, costs, expected):
     candidate = Candidate(SimpleNamespace(effect=EFFECTS[effect]), -0.5)
 
-    def refitted(bench, current, started):
+    def refitted(bench, current, started, worst):
+        assert worst == 7.0
         placed = SimpleNamespace(at_limit=limited and started is candidate)
         return SimpleNamespace(placed=[placed], deviance=costs[started.strength > 0])
 
     monkeypatch.setattr(explain, "_refit", refitted)
-    assert explain.refit(None, None, candidate).deviance == expected
+    assert explain.refit(None, None, candidate, worst=7.0).deviance == expected
 
 
 def test_what_is_white_but_louder_than_the_sensors_counts_as_far_from_their_noise():

@@ -42,7 +42,7 @@ def problem(first: np.ndarray, run: np.ndarray) -> tuple[Fit, Pulses]:
     time = first[:, None] + (np.arange(BINS) + 0.5) / BINS
     columns = np.repeat(response()[None], w, 0)
     return replace(fitted, precision=np.zeros((0, 0))), Pulses(
-        columns, ("joint",), time, *([np.zeros((w, BINS, 1))] * 3), None, None, (0,), clocks
+        columns, clocks, ("joint",), time, *([np.zeros((w, BINS, 1))] * 3), None, None, (0,)
     )
 
 
