@@ -369,12 +369,14 @@ def test_a_candidate_that_disturbances_hide_is_refitted_too(monkeypatch, dispers
     def stub(name, value):
         monkeypatch.setattr(f"fimpact.mismatch.step.{name}", value)
 
-    def refitted(bench, current, c):
+    def refitted(bench, current, c, worst):
+        assert worst == np.inf
         return SimpleNamespace(placed=[c.placed], fitted=None, deviance=1.0, exact=True, loudness=dispersion)
 
     stub("_by_gain", lambda fitted, given: [candidate(rankings[fitted])])
     stub("shortlist", lambda ranking, most, share=RIVAL: ranking if share == RIVAL else [candidate("d")])
     stub("refit", refitted)
+    stub("_worst", lambda rivals: np.inf)
     stub("disturbance", lambda *_: None)
     stub("coloured", lambda *_: "left")
     monkeypatch.setattr(Search, "ranked", lambda self, rivals: rivals)
