@@ -38,11 +38,16 @@ def naive_bench():
 
 def test_numerics_that_are_known_are_sought_again_only_far_from_the_noise(monkeypatch):
     monkeypatch.setattr("fimpact.mismatch.accept.numerics", lambda *_: "sought")
-    bench, known = naive_bench(), SimpleNamespace(offsets="own", loudness=WILD)
-    assert _own(bench, SimpleNamespace(offsets=None, loudness=WILD)) == "sought"
-    assert _own(bench, SimpleNamespace(offsets="own", loudness=1.01 * WILD)) == "sought"
-    assert bench.offsets == "naive"
-    assert _own(bench, known) is known and bench.offsets == "own"
+
+    def promised(offsets="own", loudness=WILD, size=1.0):
+        point = Point(None, None, None, np.full((1, SAMPLES), size), SAMPLES * size**2 / 2)
+        return SimpleNamespace(offsets=offsets, loudness=loudness, fitted=SimpleNamespace(point=point))
+
+    bench = naive_bench()
+    for far in (promised(None), promised(loudness=1.01 * WILD), promised(size=4.0)):
+        assert _own(bench, far) == "sought" and bench.offsets == "naive"
+    near = promised()
+    assert _own(bench, near) is near and bench.offsets == "own"
 
 
 def test_what_rules_another_out_is_near_the_noise_and_could_be_simulated():

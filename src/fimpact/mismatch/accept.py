@@ -9,6 +9,7 @@ import numpy as np
 from fimpact.mismatch.colour import colour
 from fimpact.mismatch.disturbance import disturbance
 from fimpact.mismatch.explain import Explanation, numerics, sharpened
+from fimpact.mismatch.fit import lost
 from fimpact.mismatch.generalised import tempered
 from fimpact.mismatch.judge import Bench
 from fimpact.mismatch.step import Search, Step
@@ -71,8 +72,8 @@ def accepted(search: Search, best: Explanation, promised: Explanation) -> Explan
 
 def _own(bench: Bench, promised: Explanation) -> Explanation:
     """`promised` with numerics of its own, to which those of `bench` are set: as they are known, but where nothing is
-    near the noise, and collisions have several that are at peace with themselves, sought from here."""
-    if promised.offsets is None or promised.loudness > WILD:
+    near the noise, among disturbances or at all, and there may be several, sought from here."""
+    if promised.offsets is None or promised.loudness > WILD or lost(promised.fitted.point):
         return numerics(bench, promised)
     bench.restore(promised.offsets)
     return promised
