@@ -19,7 +19,7 @@ from fimpact.mismatch.evidence import Evidence, weigh_evidence
 from fimpact.mismatch.explain import Explanation, naive_fit
 from fimpact.mismatch.insist import insisted
 from fimpact.mismatch.judge import Bench, bench
-from fimpact.mismatch.pulses import pulses
+from fimpact.mismatch.pulses import felt
 from fimpact.mismatch.weigh import both, widened
 from fimpact.recordings import Recording
 
@@ -87,7 +87,7 @@ def _places(made: Bench, names: Sequence[str]) -> list[tuple[Effect, str]]:
 
 
 def _covariance(made: Bench, naive: Explanation, best: Explanation) -> np.ndarray:
-    found = pulses(made.training, naive.fitted), pulses(made.held_out, naive.judged)
+    found = felt(made.training, naive.fitted), felt(made.held_out, naive.judged)
     pushing = disturbance(best.fitted, found[0])
     return widened(both(made, best), [colour(windows, pushing) for windows in found])[1]
 

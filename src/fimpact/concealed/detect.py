@@ -15,8 +15,8 @@ from fimpact.concealed.rigs import CLOCK, Rig
 from fimpact.concealed.world import DRIVEN, FULL, new_world
 
 PIECES = 5  # in which a window's disturbance is described
-White = Callable[[np.ndarray], np.ndarray]  # (W, n ny, k) -> the same in units in which noise is white
 SPREAD = 1e-6  # smallest information on a start, relative to its largest: keeps unseen directions solvable
+White = Callable[[np.ndarray], np.ndarray]  # (W, n ny, k) -> the same in units in which noise is white
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from fimpact.mismatch.disturbance import Disturbance, disturbance
 from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.problem import Linear
-from fimpact.mismatch.pulses import Felt, Pulses
+from fimpact.mismatch.pulses import Felt
 
 CLOCK = 0.02  # of the sampling period: sd of a run's clock against that of its commands
 PASSES = 3  # of a disturbance and the effect beside it in turn
@@ -51,7 +51,7 @@ def colour(found: Felt, pushing: Disturbance) -> Colour:
     return Colour(directions, np.sqrt(1 + (size / pushing.noise) ** 2), found.clocks, pushing)
 
 
-def beside(fitted: Fit, found: Pulses, change: np.ndarray) -> Disturbance:
+def beside(fitted: Fit, found: Felt, change: np.ndarray) -> Disturbance:
     """The disturbance left by `fitted` and as much of a candidate as suits it best, which does `change`, (w, m): beside
     `fitted` alone a missing effect passes for a disturbance, in which it hides."""
     pushing = disturbance(fitted, found)
@@ -74,7 +74,7 @@ def _without(fitted: Fit, shade: Colour, change: np.ndarray) -> np.ndarray:
     return fitted.point.residual - plain @ step
 
 
-def coloured(fitted: Fit, found: Pulses, pushing: Disturbance | None = None) -> Fit:
+def coloured(fitted: Fit, found: Felt, pushing: Disturbance | None = None) -> Fit:
     """`fitted` with its problem in units in which disturbances, `pushing` or those that it leaves, are white noise, and
     with a clock of its own for each run as further coordinates."""
     shade = colour(found, pushing or disturbance(fitted, found))

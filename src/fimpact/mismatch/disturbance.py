@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.pulses import BINS, Pulses
+from fimpact.mismatch.pulses import BINS, Felt
 
 FEW = 8  # windows
 SIZES = (-9.0, 20.0)  # log of the variance, in units of what the sensors show of it
@@ -36,7 +36,7 @@ class Disturbance:
         return np.kron(np.diag(self.sd), _correlated(self.memory))
 
 
-def disturbance(fitted: Fit, found: Pulses) -> Disturbance:
+def disturbance(fitted: Fit, found: Felt) -> Disturbance:
     """The disturbance under which the residual of `fitted` is most likely; none where windows are too few to tell a
     force that differs from window to window from one that does not."""
     free, left = fitted.linear.off(found.columns), fitted.linear.off(fitted.point.residual)

@@ -32,8 +32,8 @@ RATES, RINGING = (
 
 @dataclass(frozen=True)
 class Felt:
-    """columns (w, m, nv * BINS): sensitivities to a unit force on each degree of freedom in each bin. clocks (w, m,
-    runs): sensitivity to a clock that is one sampling period late, for each run."""
+    """What windows show of forces and of late clocks. columns (w, m, nv * BINS): sensitivities to a unit force on each
+    degree of freedom in each bin. clocks (w, m, runs): to a clock that is one sampling period late, for each run."""
 
     columns: np.ndarray
     clocks: np.ndarray
@@ -41,10 +41,11 @@ class Felt:
 
 @dataclass(frozen=True)
 class Pulses(Felt):
-    """And the names of the degrees of freedom, `dofs`, and at the middle of each bin: time (w, BINS) s since the start
-    of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), ctrl (w, BINS, nu), and the contact mode (w, BINS): "free",
-    "impact" or "contact". swing (w, BINS, nv, 2 RATES): of what would swing unseen, struck by each change of speed
-    since the run began, or the last gap between windows. driven: the degree of freedom behind each actuator, or -1."""
+    """And what the robot was doing meanwhile: the names of the degrees of freedom, `dofs`, and at the middle of each bin
+    time (w, BINS) s since the start of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), ctrl (w, BINS, nu), and the
+    contact mode (w, BINS): "free", "impact" or "contact". swing (w, BINS, nv, 2 RATES): of what would swing unseen,
+    struck by each change of speed since the run began, or the last gap between windows. driven: the degree of freedom
+    behind each actuator, or -1."""
 
     dofs: tuple[str, ...]
     time: np.ndarray

@@ -13,7 +13,7 @@ from fimpact.mismatch.fit import Fit, fit, lost, relinearised
 from fimpact.mismatch.judge import Bench, base_fit, bench, settle
 from fimpact.mismatch.price import STATED, schwarz
 from fimpact.mismatch.problem import Point, Problem
-from fimpact.mismatch.pulses import pulses
+from fimpact.mismatch.pulses import felt
 from fimpact.mismatch.scales import scales
 from fimpact.mismatch.score import proposals, scores
 from fimpact.mismatch.settle import first_point, settled
@@ -81,7 +81,7 @@ def _followed(recording: Recording, added: list[Run], members: Sequence[dict], b
 
 def _compared(made: Bench, rivals: list[Explanation]) -> list[Explanation]:
     """`rivals` by weight, those of several names that come near the likeliest with numerics of their own."""
-    found = pulses(made.training, rivals[0].fitted), pulses(made.held_out, rivals[0].judged)
+    found = felt(made.training, rivals[0].fitted), felt(made.held_out, rivals[0].judged)
     ranked = weigh(made, *found, rivals)
     near = [r for r in ranked if r.weight >= CLOSE * ranked[0].weight]
     if len({r.name for r in near}) == 1:

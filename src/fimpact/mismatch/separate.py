@@ -23,7 +23,7 @@ from fimpact.mismatch.fit import Fit
 from fimpact.mismatch.generalised import REWEIGHTED, generalised
 from fimpact.mismatch.judge import Bench, correct
 from fimpact.mismatch.problem import Linear, Point, Problem
-from fimpact.mismatch.pulses import felt, pulses
+from fimpact.mismatch.pulses import felt
 from fimpact.mismatch.simulate import Hypothesis, Simulator
 from fimpact.mismatch.turned import turns
 from fimpact.mismatch.weigh import generalises
@@ -45,7 +45,7 @@ class Known:
 
 def known(bench: Bench, members: list[Explanation]) -> Known:
     """What is known before the experiment."""
-    found = pulses(bench.training, members[0].fitted)
+    found = felt(bench.training, members[0].fitted)
     pushing, fits = disturbance(members[0].fitted, found), [member.fitted for member in members]
     told = [_information(fitted, colour(found, pushing)) for fitted in fits]
     return Known(pushing, _meeting(fits, told), [block_diag(own, CLOCK**-2.0) for own in told])

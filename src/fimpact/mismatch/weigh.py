@@ -12,7 +12,7 @@ from fimpact.mismatch.fit import Fit, inverse
 from fimpact.mismatch.generalised import Generalised, generalised
 from fimpact.mismatch.judge import Bench, exposed
 from fimpact.mismatch.price import price
-from fimpact.mismatch.pulses import Pulses
+from fimpact.mismatch.pulses import Felt
 from fimpact.mismatch.simulate import Hypothesis
 
 STRAY = 9.0  # squares of a window by which another rival's sensitivities must do better to be taken
@@ -21,7 +21,7 @@ MEMBERS, WORDY = 1 / 200, 1 / 40
 EVEN = 0.8  # weight, relative to the likeliest, above which the earlier in the catalogue is named first
 
 
-def weigh(bench: Bench, found: Pulses, held_out: Pulses, rivals: list[Explanation]) -> list[Explanation]:
+def weigh(bench: Bench, found: Felt, held_out: Felt, rivals: list[Explanation]) -> list[Explanation]:
     """Rivals in falling order of weight, exp(-deviance / 2) with overdispersion, all under the disturbance that the
     likeliest of them leaves: generalised squares of all windows together, the price of effects, and what was known
     before. Held-out windows are predicted as uncertain as the parameters are, by refitting
