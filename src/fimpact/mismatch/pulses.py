@@ -41,7 +41,7 @@ class Felt:
 
 @dataclass(frozen=True)
 class Pulses(Felt):
-    """And what the robot was doing meanwhile: the names of the degrees of freedom, `dofs`, and at the middle of each bin
+    """And what the robot was doing: names of the degrees of freedom, `dofs`, and at the middle of each bin
     time (w, BINS) s since the start of the run, qpos (w, BINS, nq), qvel (w, BINS, nv), ctrl (w, BINS, nu), and the
     contact mode (w, BINS): "free", "impact" or "contact". swing (w, BINS, nv, 2 RATES): of what would swing unseen,
     struck by each change of speed since the run began, or the last gap between windows. driven: the degree of freedom
