@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,7 +12,7 @@ from conftest import ROOT, marked
 from fimpact import tables
 from fimpact.concealed import measures
 from fimpact.concealed.confusion import named
-from fimpact.concealed.figures import FIGURES
+from fimpact.concealed.figures import CROWDED, FIGURES, _bins
 from fimpact.concealed.lines import Measure, average, coverage, share
 from fimpact.concealed.places import mode_claimed, places
 from fimpact.concealed.plan import case_names, compared, plan
@@ -148,6 +149,15 @@ def test_pictures_of_a_few_cases(name, tmp_path):
     few = cases({"single": 2, "null": 1})
     FIGURES[name](few, tmp_path / "few")
     assert (tmp_path / "few.png").exists()
+
+
+def test_counts_under_the_calibration_curve_stand_apart():
+    figure, ax = plt.subplots()
+    _bins(ax, np.array([[0.2, 0.2, 4], [0.765, 0.8, 11], [0.807, 0.8, 35], [0.82, 0.9, 7], [0.98, 1, 129]]))
+    places = {text.get_text(): text.xy[0] for text in ax.texts if text.get_text().isdigit()}
+    plt.close(figure)
+    assert list(places) == ["4", "11", "35", "7", "129"] and places["4"] == 0.2
+    assert min(np.diff(list(places.values()))) > CROWDED - 1e-9
 
 
 def test_answers_are_grouped_by_effect():
