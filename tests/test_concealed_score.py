@@ -12,7 +12,7 @@ from conftest import ROOT, marked
 from fimpact import tables
 from fimpact.concealed import measures
 from fimpact.concealed.confusion import named
-from fimpact.concealed.figures import CROWDED, FIGURES, _bins
+from fimpact.concealed.figures import APART, FIGURES, _bins
 from fimpact.concealed.lines import Measure, average, coverage, share
 from fimpact.concealed.places import mode_claimed, places
 from fimpact.concealed.plan import case_names, compared, plan
@@ -157,7 +157,7 @@ def test_counts_under_the_calibration_curve_stand_apart():
     places = {text.get_text(): text.xy[0] for text in ax.texts if text.get_text().isdigit()}
     plt.close(figure)
     assert list(places) == ["4", "11", "35", "7", "129"] and places["4"] == 0.2
-    assert min(np.diff(list(places.values()))) > CROWDED - 1e-9
+    assert min(np.diff(list(places.values()))) > APART - 1e-9
 
 
 def test_answers_are_grouped_by_effect():

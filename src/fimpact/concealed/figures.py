@@ -14,7 +14,7 @@ from fimpact.looks import STYLE, WIDTH, in_percent, log_places, set_ticks, write
 
 OURS, OTHERS, MUTED = "#0072B2", "#D55E00", "0.55"
 BELOW = -0.06  # where counts stand, under the shares
-CROWDED = 0.07  # numbers stand at least that far apart
+APART = 0.07  # numbers stand at least that far apart
 ERRORS = {  # column -> label, colour, marker; from the naive model to what noise allows
     "heldout_before": ("naive model, fitted", MUTED, "s"),
     "heldout_sysid_five": ("mujoco.sysid, best of five", OTHERS, "v"),
@@ -88,7 +88,7 @@ def _bins(ax: Axes, table: np.ndarray) -> None:
     _whiskers(ax, table[:, 0], counts, OURS, "o", "-")
     place = -1.0
     for x, _, n in table:
-        place = max(x, place + CROWDED)
+        place = max(x, place + APART)
         ax.annotate(f"{n:.0f}", (place, BELOW), color=MUTED, ha="center", va="center", fontsize=7.5)
     ax.annotate("answers:", (min(table[0, 0] - 0.06, 0.94), BELOW), color=MUTED, ha="right", va="center", fontsize=7.5)
 
