@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from fimpact.effects import EFFECTS, get_effect, sites
-from fimpact.effects.base import ENTERS, Coefficient, Effect, Scales, Signal, State
+from fimpact.effects.base import ENTERS, ENVIRONMENT, Coefficient, Effect, Scales, Signal, State
+from fimpact.effects.classes import classes
 from fimpact.effects.drives import motor_force
 from fimpact.effects.gears import Shaft, coupled, encoders
+from fimpact.effects.masses import second_moments
 from fimpact.effects.native import editable
 from fimpact.effects.sensing import interpolate
 from fimpact.mismatch.callback import Bundle
@@ -45,6 +47,11 @@ ARM = """
   </sensor>
 </mujoco>
 """
+
+# The same arm, its motors being servos.
+SERVO = ARM.replace('<motor name="motor_1"', '<position name="motor_1" kp="20" kv="1"').replace(
+    '<motor name="motor_2"', '<position name="motor_2" kp="10" kv="0.5"'
+)
 
 # A spinning ball thrown onto a table: contacts that no pair lists, mixed of both geoms' properties.
 BALL = """
@@ -99,6 +106,7 @@ class Rig:
 
 RIGS = {
     "arm": Rig(ARM, ARM_CHANNELS, np.array([0.2, 0.3]), np.zeros(2), 0.6),
+    "servo": Rig(SERVO, ARM_CHANNELS, np.array([0.2, 0.3]), np.zeros(2), 0.6),
     "ball": Rig(BALL, BALL_CHANNELS, np.array([0, 0, 0.3, 1, 0, 0, 0]), np.array([1, 0.2, -1, 0, 20, 5.0]), 0.0),
 }
 SCALES = {
@@ -109,7 +117,7 @@ SCALES = {
 
 def scales(name):
     """Natural magnitudes of a rig."""
-    force, speed, travel, command, mass, length = SCALES[name]
+    force, speed, travel, command, mass, length = SCALES["arm" if name == "servo" else name]
     measured = np.full(len(RIGS[name].channels), 0.5)
     middle = np.zeros_like(travel)
     return Scales(force, speed, travel, middle, command, command, measured, mass, length, 9.81, PERIOD, 1.0)
@@ -220,6 +228,18 @@ def test_entry_is_complete(effect):
 
 
 @ALL
+def test_prior_is_a_size(effect):
+    """Every amplitude has a positive standard deviation of known origin, that no bound makes meaningless."""
+    assert effect.prior_source and 0 <= effect.order <= ENVIRONMENT and set(effect.refines) <= set(EFFECTS)
+    assert effect.name not in effect.refines
+    for name, site in placements(effect):
+        prior = effect.prior(scales(name), RIGS[name].model(), site)
+        assert set(prior) == {c.name for c in effect.coefficients if not c.shape}
+        assert all(type(sd) is float and 0 < sd < np.inf for sd in prior.values()), f"{effect.name}@{site} {prior}"
+        assert all(c.low < prior[c.name] < c.high for c in effect.coefficients if not c.shape)
+
+
+@ALL
 def test_neutral_changes_nothing(effect, plain):
     """States and readings are the same to the last bit."""
     for name, site in placements(effect):
@@ -306,6 +326,7 @@ def test_export_where_the_compiler_infers_masses():
 NATIVE = [
     ("viscous", "elbow", {"damping": 0.2}, -0.2 * 3),
     ("quadratic_damping", "elbow", {"damping": 0.2}, -0.2 * 9),
+    ("quadratic_damping", "elbow", {"damping": -0.002}, 0.002 * 9),
     ("hardening_spring", "elbow", {"cubic": 0.2}, -0.2 * (0.5 - np.radians(10)) ** 3),
     ("spring", "elbow", {"stiffness": 0.2, "rest": -0.1}, -0.2 * 0.6),
     ("gain", "motor_2", {"change": 0.1}, 0.04),
@@ -347,6 +368,205 @@ def test_payload_is_a_body_welded_on():
     states = play(rig, welded, rig.commands(welded))[0]
     law = simulate(rig, EFFECTS["payload"], "lower", {"mass": 0.2, "place": 0.25})[0]
     np.testing.assert_allclose(law[:FREE], states[:FREE], atol=1e-8)
+
+
+RIGID = {"mass": 0.1, "x": 0.02, "y": -0.01, "z": 0.005}
+RIGID |= {"sxx": 2e-4, "syy": 1e-3, "szz": 1e-3, "sxy": 1e-4, "sxz": -1e-4, "syz": 5e-5}
+
+
+def needed(model, rng):
+    """Forces, (nv,), that a fixed motion of `model` needs."""
+    data = mujoco.MjData(model)
+    mujoco.mj_setConst(model, data)
+    data.qpos[:], data.qvel[:], data.qacc[:] = (rng.normal(size=size) for size in (model.nq, model.nv, model.nv))
+    mujoco.mj_inverse(model, data)
+    return data.qfrc_inverse.copy()
+
+
+def test_a_rigid_body_is_linear_in_mass_and_inertia():
+    """Twice the change, twice the force."""
+    forces = []
+    for size in (0.0, 1.0, 2.0):
+        model = editable(mujoco.MjSpec.from_string(chain(3)))
+        values = {name: size * value for name, value in RIGID.items()} | dict.fromkeys("xyz", 0.0)
+        EFFECTS["rigid_body"].law(model, "body_2", **values)
+        forces.append(needed(model, np.random.default_rng(0)))
+    np.testing.assert_allclose(forces[2] - forces[0], 2 * (forces[1] - forces[0]), atol=1e-12)
+    assert np.abs(forces[1] - forces[0]).max() > 0.01
+
+
+def full(model, body):
+    """Inertia, (3, 3), about the centre of mass in the body's axes."""
+    axes = turned_by(model.body(body).iquat)
+    return axes * model.body(body).inertia @ axes.T
+
+
+def turned_by(quaternion):
+    """Rotation matrix, (3, 3)."""
+    axes = np.empty(9)
+    mujoco.mju_quat2Mat(axes, quaternion)
+    return axes.reshape(3, 3)
+
+
+def test_payload_shift_and_inertia_are_rigid_bodies():
+    """Each is the rigid body with its mass, its centre of mass and what its inertia is more than the mass makes it."""
+    for name, values in (
+        ("payload", {"mass": 0.2, "place": 0.28}),
+        ("com_shift", {"x": 0.02, "y": 0.01, "z": -0.03}),
+        ("inertia", {"change": 0.4}),
+    ):
+        before, special, general = (editable(mujoco.MjSpec.from_string(ARM)) for _ in range(3))
+        EFFECTS[name].law(special, "lower", **values)
+        old, new = before.body("lower"), special.body("lower")
+        axes = turned_by(old.iquat)
+        change = axes.T @ (full(special, "lower") - full(before, "lower") * new.mass[0] / old.mass[0]) @ axes
+        change = np.trace(change) / 2 * np.eye(3) - change
+        tensor = {f"s{'xyz'[i]}{'xyz'[j]}": change[i, j] for i in range(3) for j in range(i, 3)}
+        shift = dict(zip("xyz", new.ipos - old.ipos, strict=True))
+        EFFECTS["rigid_body"].law(general, "lower", mass=new.mass[0] - old.mass[0], **shift, **tensor)
+        one, other = (needed(model, np.random.default_rng(0)) for model in (special, general))
+        np.testing.assert_allclose(one, other, atol=1e-12)
+        assert np.abs(one - needed(before, np.random.default_rng(0))).max() > 1e-4
+
+
+@pytest.mark.parametrize("change", [{"mass": -9.0}, {"syy": -1.0}, {"szz": -1.0}, {"sxy": -1.0}, {"sxx": -1.0}])
+def test_what_no_rigid_body_can_be_is_projected(change):
+    """Any values give a mass and moments that a density can have, and an XML that MuJoCo compiles."""
+    spec = mujoco.MjSpec.from_string(ARM)
+    EFFECTS["rigid_body"].export(spec, "lower", **dict.fromkeys(RIGID, 0.0) | change)
+    row = spec.compile().body("lower")
+    assert row.mass[0] > 0
+    assert second_moments(row.inertia).min() > 0
+
+
+def test_a_neighbour_drags_with_its_acceleration_speed_and_direction():
+    """The acceleration is the one that is known, or that since the step before."""
+    model, law = RIGS["arm"].model(), EFFECTS["transmission_coupling"].law
+    values = {"inertia": 0.1, "damping": 0.02, "friction": 0.3}
+    assert sites.neighbours(model) == ["elbow<-shoulder", "shoulder<-elbow"]
+
+    def state(speed, memory=None, **more):
+        parts = np.zeros((1, 2)), np.array([[speed, 5.0]]), np.zeros((1, 2)), np.zeros(1), 0.01
+        return State(model, *parts, {} if memory is None else memory, **more)
+
+    known = state(-2.0, qacc=np.array([[7.0, 0.0]]))
+    np.testing.assert_allclose(law(known, "elbow<-shoulder", **values), [[0, -0.7 + 0.04 + 0.3]])
+    assert not known.remembers
+    memory = {}
+    np.testing.assert_allclose(law(state(-2.0, memory), "elbow<-shoulder", **values), [[0, 0.34]])
+    np.testing.assert_allclose(law(state(-1.9, memory), "elbow<-shoulder", **values), [[0, -1 + 0.038 + 0.3]])
+
+
+def test_a_base_that_gives_way_tilts_gravity():
+    """Its force is what the weight of the same mechanism is less on a base that stands askew by the angle."""
+    compliance, models = 0.003, [mujoco.MjModel.from_xml_string(chain(3)) for _ in range(2)]
+    data = [mujoco.MjData(model) for model in models]
+    data[0].qpos[:] = data[1].qpos[:] = [0.3, -0.7, 0.4]
+    mujoco.mj_forward(models[0], data[0])
+    root = models[0].body("body_1").id
+    weight = models[0].body_subtreemass[root] * models[0].opt.gravity
+    turn = compliance * np.cross(data[0].subtree_com[root] - data[0].xpos[root], weight)
+    assert 0.005 < np.linalg.norm(turn) < 0.2 and turn[2] == 0
+    models[1].opt.gravity += np.cross(-turn, models[1].opt.gravity)
+    mujoco.mj_forward(models[1], data[1])
+    state = State(models[0], data[0].qpos[None], np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1), PERIOD)
+    force = EFFECTS["base_gives_way"].law(state, "body_1", compliance=compliance)[0]
+    np.testing.assert_allclose(force, data[0].qfrc_bias - data[1].qfrc_bias, atol=1e-12)
+    assert sites.standing(RIGS["ball"].model()) == []
+
+
+def test_a_servo_has_two_gains():
+    """Each is scaled alone."""
+    for name, expected in (("servo_kp", [22, -22, -1]), ("servo_kv", [20, -20, -1.1])):
+        model = RIGS["servo"].model()
+        EFFECTS[name].law(model, "motor_1", change=0.1)
+        row = model.actuator("motor_1")
+        np.testing.assert_allclose([row.gainprm[0], *row.biasprm[1:3]], expected)
+    assert sites.servos(RIGS["arm"].model()) == []
+
+
+def test_dry_friction_turns_over_with_the_speed():
+    """At every step that does not reverse the speed it is all there, against the speed; the export keeps that."""
+    spec = mujoco.MjSpec.from_string(ARM)
+    EFFECTS["coulomb"].export(spec, "elbow", friction=0.05)
+    spec.compile()
+    model = mujoco.MjModel.from_xml_string(spec.to_xml())
+    ctrl = RIGS["arm"].commands(model)[0][:FREE]
+    data = mujoco.MjData(model)
+    data.qpos[:] = RIGS["arm"].qpos
+    slid = 0
+    for command in ctrl:
+        data.ctrl[:], before = command, data.qvel[1]
+        mujoco.mj_step(model, data)
+        if before * data.qvel[1] > 0:
+            slid += 1
+            assert data.qfrc_constraint[1] == pytest.approx(-0.05 * np.sign(before), rel=1e-3)
+    assert slid > FREE / 2
+
+
+def chain(joints):
+    """XML of an arm of so many driven hinges about alternating axes, with an encoder at each and a wrist sensor."""
+    opening = "".join(
+        f'<body name="body_{i}" pos="{0.2 * (i > 1)} 0 0"><joint name="j{i}" axis="0 {i % 2} {1 - i % 2}"/>'
+        '<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.02" mass="0.4" contype="0" conaffinity="0"/>'
+        for i in range(1, joints + 1)
+    )
+    motors = "".join(f'<motor name="m{i}" joint="j{i}"/>' for i in range(1, joints + 1))
+    encoders = "".join(f'<jointpos name="e{i}" joint="j{i}"/>' for i in range(1, joints + 1))
+    return f"""<mujoco><worldbody>{opening}<site name="hand"/>{"</body>" * joints}</worldbody>
+    <actuator>{motors}</actuator><sensor>{encoders}<force name="wrist" site="hand"/></sensor></mujoco>"""
+
+
+def test_classes_of_a_six_joint_arm():
+    """Every effect at every place, each kind at all places of a kind, the geared drive first, then bodies."""
+    model = mujoco.MjModel.from_xml_string(chain(6))
+    channels = (*(f"e{i}" for i in range(1, 7)), "wrist[0]", "wrist[2]")
+    found = classes(model, channels)
+    named = {own.name: own for own in found}
+    assert len(named) == len(found)
+    drive = found[0]
+    assert drive.compound and drive.name == "geared drive" and len(drive.effects) == 18
+    assert not any(own.compound for own in found[1:])
+    assert found[1].name == "rigid bodies" and len(found[1].effects) == 6
+    assert [own.order for own in found[1:]] == sorted(own.order for own in found[1:])
+    joints = [f"j{i}" for i in range(1, 7)]
+    assert named["Coulomb friction at every driven joint"].effects == tuple(("coulomb", joint) for joint in joints)
+    assert named["rotor inertia at every driven joint"].order == 2
+    assert sum(name.startswith("coupling of") for name in named) == 5
+    pair = (("transmission_coupling", "j2<-j1"), ("transmission_coupling", "j1<-j2"))
+    assert named["coupling of j1 and j2"].effects == pair
+    assert len(named["sensor bias at every encoder"].effects) == 6
+    assert len(named["sensor bias at every axis of every force sensor"].effects) == 2
+    assert named["sensor delay of everything together"].effects == (("sensor_delay", "all"),)
+    assert len(named["torque gain at every motor"].effects) == 6
+    parts = {part for own in found[1:] for part in own.effects}
+    assert parts == {(e.name, site) for e in EFFECTS.values() for site in e.sites(model, channels)}
+    assert sum(len(own.effects) for own in found[1:]) == len(parts)
+
+
+def test_classes_where_nothing_is_driven_or_things_touch():
+    """Joints stand for driven joints, and what no motor drives has no rotor beside what one does."""
+    xml = chain(2)
+    still = mujoco.MjModel.from_xml_string(xml[: xml.index("<actuator>")] + xml[xml.index("<sensor>") :])
+    named = {own.name for own in classes(still, ("e1",))}
+    assert {"Coulomb friction at every joint", "sensor bias at e1"} <= named and "geared drive" not in named
+    half = mujoco.MjModel.from_xml_string(xml.replace('<motor name="m2" joint="j2"/>', ""))
+    named = {own.name: own for own in classes(half, ("e1",))}
+    assert named["viscous friction at j2"].effects == (("viscous", "j2"),)
+    assert named["geared drive"].effects == (("coulomb", "j1"), ("viscous", "j1"), ("rotor_inertia", "j1"))
+    assert not any(part == ("rotor_inertia", "j2") for own in named.values() for part in own.effects)
+    named = {own.name for own in classes(RIGS["ball"].model(), BALL_CHANNELS)}
+    assert {"sliding friction at table", "height at table", "size of gravity"} <= named
+
+
+def test_a_rigid_body_is_exported_whole():
+    """All ten values at once move in plain MuJoCo as by the law."""
+    rig, spec = RIGS["arm"], mujoco.MjSpec.from_string(ARM)
+    EFFECTS["rigid_body"].export(spec, "lower", **RIGID)
+    model = mujoco.MjModel.from_xml_string(spec.to_xml())
+    by_law = simulate(rig, EFFECTS["rigid_body"], "lower", RIGID)[0]
+    np.testing.assert_allclose(play(rig, model, rig.commands(model))[0][:FREE], by_law[:FREE], atol=1e-4)
+    assert np.abs(by_law - simulate(rig)[0]).max() > 0.01
 
 
 def stuck(law, values, step):
@@ -574,6 +794,7 @@ def test_own_effect_is_one_function_and_one_line(monkeypatch):
         neutral={"force": 0.0},
     )
     monkeypatch.setitem(EFFECTS, own.name, own)
+    assert own.prior(scales("ball"), RIGS["ball"].model(), "ball") == {"force": pytest.approx(5.0)}
     shift = simulate(RIGS["ball"], get_effect("wind"), "ball", {"force": 0.3})[0] - simulate(RIGS["ball"])[0]
     assert shift[50, 0] == pytest.approx(0.5 * (51 * PERIOD) ** 2, rel=0.05)
 

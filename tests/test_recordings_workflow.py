@@ -45,7 +45,8 @@ def test_published_data_are_fetched_first(tree):
 
 
 def test_all_rigs_are_planned(tree):
-    give(tree, "ball_drops/ball_drops.csv", "cube_tosses/tosses_000-399.npz")
+    arm = (f"gen3/{run}.csv" for run in ("sweep_a", "sweep_b", "quadratic", "validation_1", "validation_2"))
+    give(tree, "ball_drops/ball_drops.csv", "cube_tosses/tosses_000-399.npz", *arm)
     cases = len(list((tree / "config" / "recordings").glob("*.yaml"))) - 1  # sources.yaml is none
     every = {"diagnose_recording": cases, "compare_recording": cases, "fetch": 13, "recordings_summary": 1}
     assert planned(tree, "recordings") == every | {"recordings": 1}

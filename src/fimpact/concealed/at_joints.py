@@ -9,11 +9,20 @@ NEARLY_NONE = 1e-9  # N m: a friction row must exist when the model is compiled
 RINGING = 2e-3  # s, damping of an elastic gear over its stiffness
 STOP = (0.001, 1.0)  # solref of hard stops, s and 1: at 5 ms the shaft overran them by more than half of the play
 FIRM = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp of hard stops: they give a ten-thousandth of what soft ones would
+PROMPT = 2.0  # steps, time constant of dry friction: the least that MuJoCo takes; it stops a joint within one step
 
 
 def coulomb(world: World, site: str, friction: float) -> None:
-    """Dry friction, N m."""
-    world.spec.joint(site).frictionloss += friction
+    """Dry friction, N m: against the speed, whatever it is, and at rest as much as it takes."""
+    _exact(world, site).frictionloss += friction
+
+
+def _exact(world, site):
+    """The joint, its dry friction as sharp as the step: at MuJoCo's default it turns over some 10 ms before the speed
+    does, as no friction would."""
+    joint = world.spec.joint(site)
+    joint.solref_friction, joint.solimp_friction = (PROMPT * world.step, 1.0), FIRM
+    return joint
 
 
 def viscous(world: World, site: str, damping: float) -> None:
@@ -29,8 +38,12 @@ def quadratic_damping(world: World, site: str, damping: float) -> None:
 
 
 def _dry(world, site, level):
-    """Native dry friction whose level, of (speed, position, actuator torque), follows the motion."""
-    world.spec.joint(site).frictionloss = NEARLY_NONE
+    """Native dry friction whose level, of (speed, position, actuator torque, time), follows the motion.
+
+    The speed that `level` gets has the sign of the way on which friction is met: where the joint rests, that on which
+    it would break away.
+    """
+    _exact(world, site).frictionloss = NEARLY_NONE
 
     def make(model, data):
         joint = model.joint(site)
@@ -39,11 +52,19 @@ def _dry(world, site, level):
 
         def before_step():
             drive = data.ctrl[motor] * model.actuator_gear[motor, 0] if motor >= 0 else 0.0
-            model.dof_frictionloss[dof] = max(level(data.qvel[dof], data.qpos[place], drive, data.time), NEARLY_NONE)
+            speed = _opposed(data, dof)
+            model.dof_frictionloss[dof] = max(level(speed, data.qpos[place], drive, data.time), NEARLY_NONE)
 
         return before_step
 
     world.hooks.append(make)
+
+
+def _opposed(data, dof):
+    """Speed of `dof` with the sign that dry friction, as it was in the last step, opposes."""
+    rows = (data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF) & (data.efc_id == dof)
+    friction = data.efc_force[rows].sum()
+    return -np.copysign(data.qvel[dof], friction) if friction else data.qvel[dof]
 
 
 def _motor(model, site):

@@ -5,10 +5,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from fimpact.effects import amounts, sites
-from fimpact.effects.base import Coefficient, Effect, Signal
+from fimpact.effects.base import MOTOR, Coefficient, Effect, Signal
 from fimpact.effects.native import exporting
 from fimpact.effects.sites import ALL
 
+SERVO = "MuJoCo documentation, XML reference, actuator/position"
+CONSTANTS = "data sheets give torque constants and amplifier gains to 5 to 10 %"
+LATE = "buses and filters hold back by a few samples, at most some 50 ms"
 LEVELS = (0.3, 0.6, 0.8, 0.95, 0.99)  # of the largest force
 
 
@@ -27,6 +30,18 @@ def saturation(model, site, limit):
     low, high = model.actuator_forcerange[row] if model.actuator_forcelimited[row] else (-np.inf, np.inf)
     model.actuator_forcelimited[row] = True
     model.actuator_forcerange[row] = max(low, -limit), min(high, limit)
+
+
+def servo_kp(model, site, change):
+    """The gain on the position's error; the one on speed is kept."""
+    row = model.actuator(site).id
+    model.actuator_gainprm[row, 0] *= 1 + change
+    model.actuator_biasprm[row, :2] *= 1 + change
+
+
+def servo_kv(model, site, change):
+    """The gain on the speed; the one on the position's error is kept."""
+    model.actuator_biasprm[model.actuator(site).id, 2] *= 1 + change
 
 
 def command_delay(ctrl, signal: Signal, site, delay):
@@ -79,6 +94,10 @@ def _actuators(signal: Signal, site) -> list[int]:
     return list(range(len(signal.actuators))) if site == ALL else [signal.actuators.index(site)]
 
 
+def _to_a_share(name, share):
+    return lambda scales, model, site: {name: share}
+
+
 def _saturation_probes(scales, model, site):
     return [{"limit": level * amounts.summit(scales, model, site)} for level in LEVELS]
 
@@ -106,6 +125,9 @@ EFFECTS = (
         law=gain,
         neutral={"change": 0.0},
         export=exporting(gain),
+        prior=_to_a_share("change", 0.07),
+        prior_source=CONSTANTS,
+        order=MOTOR,
     ),
     Effect(
         name="saturation",
@@ -121,6 +143,9 @@ EFFECTS = (
         neutral={"limit": np.inf},
         export=exporting(saturation),
         linear=False,
+        prior=lambda scales, model, site: {"limit": amounts.summit(scales, model, site)},
+        prior_source="a limit that shows lies near the largest torque that is asked for",
+        order=MOTOR,
     ),
     Effect(
         name="command_delay",
@@ -134,6 +159,9 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"delay": 0.2 * scales.period}],
         law=command_delay,
         neutral={"delay": 0.0},
+        prior=lambda scales, model, site: {"delay": amounts.delay(scales)},
+        prior_source=LATE,
+        order=MOTOR,
     ),
     Effect(
         name="actuator_lag",
@@ -149,6 +177,9 @@ EFFECTS = (
         neutral={"time": 0.0},
         export=_export_lag,
         linear=False,
+        prior=lambda scales, model, site: {"time": amounts.delay(scales)},
+        prior_source=LATE,
+        order=MOTOR,
     ),
     Effect(
         name="rotor_inertia",
@@ -163,6 +194,43 @@ EFFECTS = (
         law=rotor_inertia,
         neutral={"inertia": 0.0},
         export=exporting(rotor_inertia),
+        prior=lambda scales, model, site: {"inertia": amounts.inertia(scales, model, site)},
+        prior_source="gears match the rotor to its load; light joints often have the motors of heavy ones",
+        order=MOTOR,
+    ),
+    Effect(
+        name="servo_kp",
+        family="actuation",
+        equation="τ = (1 + ε) kp (u − q) − kv q̇",
+        sentence="The servo holds its position more stiffly (or, ε < 0, less) than its gain in the model says.",
+        reference=SERVO,
+        enters="model",
+        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
+        sites=sites.servos,
+        probes=lambda scales, model, site: [{"change": amounts.SMALL}],
+        law=servo_kp,
+        neutral={"change": 0.0},
+        export=exporting(servo_kp),
+        prior=_to_a_share("change", 0.1),
+        prior_source=CONSTANTS,
+        order=MOTOR,
+    ),
+    Effect(
+        name="servo_kv",
+        family="actuation",
+        equation="τ = kp (u − q) − (1 + ε) kv q̇",
+        sentence="The servo brakes its own speed more (or, ε < 0, less) than its gain in the model says.",
+        reference=SERVO,
+        enters="model",
+        coefficients=(Coefficient("change", "1", low=-1.0, high=9.0),),
+        sites=sites.servos,
+        probes=lambda scales, model, site: [{"change": amounts.SMALL}],
+        law=servo_kv,
+        neutral={"change": 0.0},
+        export=exporting(servo_kv),
+        prior=_to_a_share("change", 0.1),
+        prior_source=CONSTANTS,
+        order=MOTOR,
     ),
     Effect(
         name="torque_offset",
@@ -177,5 +245,9 @@ EFFECTS = (
         law=torque_offset,
         neutral={"offset": 0.0},
         export=exporting(torque_offset),
+        prior=lambda scales, model, site: {"offset": 0.2 * amounts.drive(scales, model, site)},
+        prior_source="offsets of current sensors are some per cent of their range",
+        order=MOTOR,
+        refines=("coulomb",),
     ),
 )

@@ -1,13 +1,14 @@
-"""Probing amplitudes: small in the natural scale of the recording, never zero."""
+"""Natural scales of a recording, never zero: probing amplitudes are small beside them, priors follow from them."""
 
 import mujoco
 import numpy as np
 
+from fimpact.effects.base import SMALL as SMALL
 from fimpact.effects.base import Scales
-from fimpact.effects.sites import HINGE, SLIDE
+from fimpact.effects.sites import HINGE, SLIDE, drives
 
-SMALL = 0.02
 FLOOR = 1e-3  # of a natural scale, where the recording shows none
+THIN = 0.05  # of the mechanism: no body counts as smaller
 
 
 def force(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
@@ -15,6 +16,13 @@ def force(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
     return float(
         max(scales.force[_dof(model, joint)], FLOOR * scales.mass * scales.gravity * _arm(scales, model, joint))
     )
+
+
+def applied(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
+    """Root mean square force of a joint or of its motors behind their gears, whichever is larger, N or N m."""
+    motors = drives(model, joint)
+    given = np.abs(model.actuator_gear[motors, 0]) @ scales.drive[motors]
+    return float(max(force(scales, model, joint), given))
 
 
 def speed(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
@@ -26,6 +34,16 @@ def speed(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
 def travel(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
     """Standard deviation of a joint's position, m or rad."""
     return float(max(scales.travel[_dof(model, joint)], FLOOR * scales.length / _arm(scales, model, joint)))
+
+
+def inertia(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
+    """Inertia that a joint may feel of its drive, kg m^2 or kg: its own, or where that is more, what the force applied
+    accelerates as the joint was accelerated, up to the inertia at the heaviest joint of the kind."""
+    own = 1 / np.maximum(model.dof_invweight0, 1e-9)
+    alike = model.jnt_type[model.dof_jntid] == model.joint(joint).type[0]
+    rate = speed(scales, model, joint) ** 2 / travel(scales, model, joint)
+    moved = min(applied(scales, model, joint) / rate, own[alike].max())
+    return float(max(own[_dof(model, joint)], moved))
 
 
 def middle(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
@@ -51,6 +69,19 @@ def push(scales: Scales, model: mujoco.MjModel) -> float:
 def pace(scales: Scales, model: mujoco.MjModel) -> float:
     """The largest speed of a degree of freedom, as a speed in m/s at the size of the mechanism."""
     return float(max((scales.speed * _arms(scales, model)).max(), FLOOR * np.sqrt(scales.gravity * scales.length)))
+
+
+def delay(scales: Scales) -> float:
+    """Typical delay of a bus or a filter: three samples, but between 10 and 50 ms."""
+    return float(np.clip(3 * scales.period, 0.01, 0.05))
+
+
+def size(scales: Scales, model: mujoco.MjModel, body: str) -> float:
+    """Longest side of the box that has the mass and the inertia of a body, m."""
+    row = model.body(body).id
+    moments, mass = model.body_inertia[row], model.body_mass[row]
+    side = np.sqrt(max(6 * (moments.sum() - 2 * moments.min()) / mass, 0.0))
+    return float(max(side, THIN * scales.length))
 
 
 def normal(model: mujoco.MjModel) -> np.ndarray | None:

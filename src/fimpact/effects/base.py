@@ -23,6 +23,10 @@ import numpy as np
 
 KINEMATICS, TURNED = "kinematics", "turned"  # keys of a memory that no law has kept
 ENTERS = ("model", "force", "friction", "gear", "command", "measurement")
+SMALL = 0.02  # of a natural scale of the recording: probing amplitudes
+RIGID_BODIES, FRICTION, MOTOR, TRANSMISSION, SENSING, STRUCTURE, ENVIRONMENT = range(7)  # the order of suspicion
+
+Values = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,7 @@ class State:
     qpos (n, nq), qvel (n, nv), ctrl (n, nu), time (n,) since the start of the run, step: s.
     memory: anything a law with a state of its own keeps, by its own key; at the start of a window no law has kept any.
     bodies: what `body` has found, where several laws ask the same states; None: it is not kept.
+    qacc: accelerations, (n, nv), where they are known.
     """
 
     model: mujoco.MjModel
@@ -80,6 +85,7 @@ class State:
     step: float
     memory: dict = field(default_factory=dict)
     bodies: dict | None = None
+    qacc: np.ndarray | None = None
 
     @property
     def remembers(self) -> bool:
@@ -96,6 +102,14 @@ class State:
         joint = self.model.joint(site)
         return joint.dofadr[0], self.qpos[:, joint.qposadr[0]], self.qvel[:, joint.dofadr[0]]
 
+    def acceleration(self, dof: int, key: tuple) -> np.ndarray:
+        """Acceleration, (n,), of a degree of freedom: known, or since the step before, remembered under `key`."""
+        if self.qacc is not None:
+            return self.qacc[:, dof]
+        speed = self.qvel[:, dof].copy()
+        last, self.memory[key] = self.memory.get(key, speed), speed
+        return (speed - last) / self.step
+
     def body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position (n, 3), velocity (n, 3) of the centre of mass of body `site`, and its Jacobian (n, 3, nv)."""
         if self.bodies is None:
@@ -104,10 +118,15 @@ class State:
             self.bodies[site] = self._body(site)
         return self.bodies[site]
 
-    def _body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        if KINEMATICS not in self.memory:  # making it takes longer than all that follows
+    @property
+    def kinematics(self) -> mujoco.MjData:
+        """Data to compute with; making it takes longer than what is done with it."""
+        if KINEMATICS not in self.memory:
             self.memory[KINEMATICS] = mujoco.MjData(self.model)
-        model, data, body = self.model, self.memory[KINEMATICS], self.model.body(site).id
+        return self.memory[KINEMATICS]
+
+    def _body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        model, data, body = self.model, self.kinematics, self.model.body(site).id
         position, jacobian = np.empty((len(self.qpos), 3)), np.zeros((len(self.qpos), 3, model.nv))
         place, centre = data.qpos, data.xipos[body]  # asking for them takes as long as what is done with them
         for own, moved, qpos in zip(position, jacobian, self.qpos, strict=True):
@@ -171,6 +190,11 @@ class Effect:
     linear: the law is proportional to its amplitude parameters (all that are not `shape`), so a probe can be scaled.
     contains: names of effects that are special cases of this one.
     touching: it acts only while something touches: a property of the contact, or of the ground.
+    prior: of (scales, model, site) -> standard deviation of each amplitude (all parameters that are not `shape`) there,
+        as data sheets and handbooks give it; of one whose neutral value is infinite, its typical size. None: what the
+        probes are small beside. prior_source: whence.
+    order: place in the order in which an engineer suspects, which decides ties: RIGID_BODIES first.
+    refines: names of effects of which this is a small refinement.
     when: of (signal, site, **values) -> times, (n, T), at which a sensor reads what it reports; None: at the signal's.
     """
 
@@ -191,6 +215,19 @@ class Effect:
     contains: tuple[str, ...] = ()
     touching: bool = False
     when: Callable[..., np.ndarray] | None = None
+    prior: Callable[[Scales, mujoco.MjModel, str], Values] | None = None
+    prior_source: str = "the natural scale of the recording"
+    order: int = ENVIRONMENT
+    refines: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        if self.prior is None:
+            object.__setattr__(self, "prior", self._beside_probes)
+
+    def _beside_probes(self, scales: Scales, model: mujoco.MjModel, site: str) -> Values:
+        probes = self.probes(scales, model, site)
+        amplitudes = [c.name for c in self.coefficients if not c.shape]
+        return {name: max(abs(probe[name]) for probe in probes) / SMALL for name in amplitudes}
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from fimpact.effects.environment import stale
 from fimpact.effects.native import exporting
 
 SOFT = "Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014"
+GUESSED = "stiffness and damping of contacts are not measured but chosen, to a factor of a few"
 LEAST = 1e-5  # MuJoCo's smallest coefficient of friction
 SLIDING, TWISTING, FULL = 3, 4, 6  # condim from which on a contact has that friction; FULL: rolling friction too
 BOX, BLUNT = int(mujoco.mjtGeom.mjGEOM_BOX), 0.9  # the largest radius of an edge, of half the box's shortest side
@@ -144,6 +145,8 @@ EFFECTS = (
         law=sliding_friction,
         neutral={"change": 0.0},
         export=exporting(sliding_friction),
+        prior=lambda scales, model, site: {"change": 0.3},
+        prior_source="handbooks give coefficients of dry friction of one pair of materials to some .3",
     ),
     Effect(
         name="contact_stiffness",
@@ -159,6 +162,8 @@ EFFECTS = (
         law=contact_stiffness,
         neutral={"change": 0.0},
         export=exporting(contact_stiffness),
+        prior=lambda scales, model, site: {"change": 3.0},
+        prior_source=GUESSED,
     ),
     Effect(
         name="contact_damping",
@@ -174,6 +179,8 @@ EFFECTS = (
         law=contact_damping,
         neutral={"change": 0.0},
         export=exporting(contact_damping),
+        prior=lambda scales, model, site: {"change": 3.0},
+        prior_source=GUESSED,
     ),
     Effect(
         name="rolling_friction",
@@ -190,6 +197,8 @@ EFFECTS = (
         neutral={"coefficient": 0.0},
         linear=False,  # MuJoCo softens what little friction there is in the square of its coefficient
         export=exporting(rolling_friction),
+        prior=lambda scales, model, site: {"coefficient": 0.02 * scales.length},
+        prior_source="handbooks: up to two hundredths of the radius for tyres on hard ground",
     ),
     Effect(
         name="rounded_edge",
@@ -205,5 +214,7 @@ EFFECTS = (
         law=rounded_edge,
         neutral={"radius": 0.0},
         export=exporting(rounded_edge),
+        prior=lambda scales, model, site: {"radius": 0.02 * scales.length},
+        prior_source="edges are broken or worn by up to two hundredths of a part's size",
     ),
 )

@@ -9,6 +9,7 @@ from fimpact.effects.native import exporting
 from fimpact.effects.structure import quaternion
 
 NO_MIDPHASE = mujoco.mjtDisableBit.mjDSBL_MIDPHASE
+LEVEL = "floors and tables are level to 1 or 2 degrees"
 DRAG = "Batchelor, An Introduction to Fluid Dynamics, Cambridge University Press, 1967"
 PLACE = "Pfrommer, Halm, Posa, ContactNets, CoRL 2020"
 
@@ -24,11 +25,6 @@ def quadratic_drag(state: State, site, coefficient):
     _, velocity, jacobian = state.body(site)
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     return np.einsum("nij,ni->nj", jacobian, -coefficient * speed * velocity)
-
-
-def quadratic_damping(model, site, damping):
-    """MuJoCo's second-order joint damping."""
-    model.dof_dampingpoly[model.joint(site).dofadr[0], 0] += damping
 
 
 def ground_height(model, site, height):
@@ -70,8 +66,11 @@ def _drag_probes(power):
     return probes
 
 
-def _damping_probes(scales, model, site):
-    return [{"damping": amounts.SMALL * amounts.force(scales, model, site) / amounts.speed(scales, model, site) ** 2}]
+def _drag_prior(power):
+    def prior(scales, model, site):
+        return {"coefficient": amounts.push(scales, model) / amounts.pace(scales, model) ** power}
+
+    return prior
 
 
 def _tilt_probes(scales, model, site):
@@ -85,20 +84,6 @@ def _tilt_probes(scales, model, site):
 
 EFFECTS = (
     Effect(
-        name="quadratic_damping",
-        family="environment",
-        equation="τ = −d |q̇| q̇",
-        sentence="A joint that churns oil or fans air, and is braked with the square of its speed.",
-        reference="MuJoCo documentation, XML reference, joint damping",
-        enters="model",
-        coefficients=(Coefficient("damping", "N m s²/rad²", low=0.0),),
-        sites=sites.joints,
-        probes=_damping_probes,
-        law=quadratic_damping,
-        neutral={"damping": 0.0},
-        export=exporting(quadratic_damping),
-    ),
-    Effect(
         name="linear_drag",
         family="environment",
         equation="F = −c v, at the body's centre of mass",
@@ -110,6 +95,8 @@ EFFECTS = (
         probes=_drag_probes(1),
         law=linear_drag,
         neutral={"coefficient": 0.0},
+        prior=_drag_prior(1),
+        prior_source="drag takes no more than the force applied, or nothing would move",
     ),
     Effect(
         name="quadratic_drag",
@@ -123,6 +110,8 @@ EFFECTS = (
         probes=_drag_probes(2),
         law=quadratic_drag,
         neutral={"coefficient": 0.0},
+        prior=_drag_prior(2),
+        prior_source="drag takes no more than the force applied, or nothing would move",
     ),
     Effect(
         name="ground_height",
@@ -138,6 +127,8 @@ EFFECTS = (
         law=ground_height,
         neutral={"height": 0.0},
         export=exporting(ground_height),
+        prior=lambda scales, model, site: {"height": 0.01 * scales.length},
+        prior_source="measured with a tape, to a hundredth of the mechanism's size",
     ),
     Effect(
         name="ground_tilt",
@@ -153,6 +144,8 @@ EFFECTS = (
         law=ground_tilt,
         neutral={"tilt_x": 0.0, "tilt_y": 0.0},
         export=exporting(ground_tilt),
+        prior=lambda scales, model, site: {"tilt_x": 0.03, "tilt_y": 0.03},
+        prior_source=LEVEL,
     ),
     Effect(
         name="gravity_scale",
@@ -167,5 +160,7 @@ EFFECTS = (
         law=gravity_scale,
         neutral={"change": 0.0},
         export=exporting(gravity_scale),
+        prior=lambda scales, model, site: {"change": 0.01},
+        prior_source="gravity varies by .5 % on Earth, lengths and clocks are known to 1 %",
     ),
 )

@@ -3,22 +3,31 @@
 import numpy as np
 
 from fimpact.effects import amounts, sites
-from fimpact.effects.base import Coefficient, Effect, State
+from fimpact.effects.base import FRICTION, Coefficient, Effect, State
 from fimpact.effects.drives import motor_force
-from fimpact.effects.native import exporting
+from fimpact.effects.native import exact_dry_friction, exporting
 
 MODELS = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+NO_MORE = "no more than the rms torque of the joint, or it would not move"
 REMEMBERED = 0.1  # s: how long a joint that moves at the start of a run is taken to have moved already
 
 
 def frictionloss(model, site, friction):
-    """MuJoCo's dry friction, which holds a resting joint exactly."""
-    model.dof_frictionloss[model.joint(site).dofadr[0]] += friction
+    """MuJoCo's dry friction, tight enough to turn over with the speed and to hold a resting joint."""
+    dof = model.joint(site).dofadr[0]
+    if friction:
+        exact_dry_friction(model, dof)
+    model.dof_frictionloss[dof] += friction
 
 
 def viscous(model, site, damping):
     """MuJoCo's joint damping."""
     model.dof_damping[model.joint(site).dofadr[0]] += damping
+
+
+def quadratic_damping(model, site, damping):
+    """MuJoCo's second-order joint damping."""
+    model.dof_dampingpoly[model.joint(site).dofadr[0], 0] += damping
 
 
 def direction_dependent(model, site, forward, backward):
@@ -70,12 +79,26 @@ def _bent(state: State, site, displacement):
     return np.where(np.isfinite(bent) & np.any(np.diff(turned), 1), bent, guessed)
 
 
+def _up_to_applied(*names, power=0):
+    """Standard deviations: the force applied at the rms speed, for a friction that goes with this power of speed."""
+
+    def prior(scales, model, site):
+        size = amounts.applied(scales, model, site) / amounts.speed(scales, model, site) ** power
+        return dict.fromkeys(names, size)
+
+    return prior
+
+
 def _amount(name):
     return lambda scales, model, site: [{name: amounts.SMALL * amounts.force(scales, model, site)}]
 
 
 def _viscous_probes(scales, model, site):
     return [{"damping": amounts.SMALL * amounts.force(scales, model, site) / amounts.speed(scales, model, site)}]
+
+
+def _quadratic_probes(scales, model, site):
+    return [{"damping": amounts.SMALL * amounts.force(scales, model, site) / amounts.speed(scales, model, site) ** 2}]
 
 
 def _direction_probes(scales, model, site):
@@ -107,6 +130,9 @@ EFFECTS = (
         law=frictionloss,
         neutral={"friction": 0.0},
         export=exporting(frictionloss),
+        prior=_up_to_applied("friction"),
+        prior_source=NO_MORE,
+        order=FRICTION,
     ),
     Effect(
         name="viscous",
@@ -121,6 +147,27 @@ EFFECTS = (
         law=viscous,
         neutral={"damping": 0.0},
         export=exporting(viscous),
+        prior=_up_to_applied("damping", power=1),
+        prior_source=NO_MORE,
+        order=FRICTION,
+    ),
+    Effect(
+        name="quadratic_damping",
+        family="joint friction",
+        equation="τ = −d |q̇| q̇",
+        sentence="Friction that rises faster with speed than viscous friction, as in oil or air (or, d < 0, slower).",
+        reference="Bittencourt, Gunnarsson, J. Dyn. Syst. Meas. Control 134(5), 2012",
+        enters="model",
+        coefficients=(Coefficient("damping", "N m s²/rad²"),),
+        sites=sites.joints,
+        probes=_quadratic_probes,
+        law=quadratic_damping,
+        neutral={"damping": 0.0},
+        export=exporting(quadratic_damping),
+        prior=_up_to_applied("damping", power=2),
+        prior_source=NO_MORE,
+        order=FRICTION,
+        refines=("viscous",),
     ),
     Effect(
         name="direction_dependent_coulomb",
@@ -136,6 +183,10 @@ EFFECTS = (
         neutral={"forward": 0.0, "backward": 0.0},
         export=exporting(direction_dependent),
         contains=("coulomb",),
+        prior=_up_to_applied("forward", "backward"),
+        prior_source=NO_MORE,
+        order=FRICTION,
+        refines=("coulomb",),
     ),
     Effect(
         name="stribeck",
@@ -154,6 +205,10 @@ EFFECTS = (
         law=stribeck,
         neutral={"coulomb": 0.0, "excess": 0.0, "speed": 1.0},
         contains=("coulomb",),
+        prior=_up_to_applied("coulomb", "excess"),
+        prior_source=NO_MORE,
+        order=FRICTION,
+        refines=("coulomb",),
     ),
     Effect(
         name="load_dependent_friction",
@@ -167,6 +222,10 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"coefficient": amounts.SMALL}],
         law=load_dependent,
         neutral={"coefficient": 0.0},
+        prior=lambda scales, model, site: {"coefficient": 0.3},
+        prior_source="data sheets of gears give efficiencies of 70 % and more",
+        order=FRICTION,
+        refines=("coulomb",),
     ),
     Effect(
         name="dahl",
@@ -185,5 +244,9 @@ EFFECTS = (
         law=dahl,
         neutral={"friction": 0.0, "displacement": 1.0},
         contains=("coulomb",),
+        prior=_up_to_applied("friction"),
+        prior_source=NO_MORE,
+        order=FRICTION,
+        refines=("coulomb",),
     ),
 )

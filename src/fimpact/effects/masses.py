@@ -4,10 +4,15 @@ import mujoco
 import numpy as np
 
 from fimpact.effects import amounts, sites
-from fimpact.effects.base import Coefficient, Effect
+from fimpact.effects.base import RIGID_BODIES, Coefficient, Effect
 from fimpact.effects.native import exporting
 
 INERTIAL = "Atkeson, An, Hollerbach, Int. J. Robotics Research 5(3), 1986"
+CONSISTENT = "Wensing, Kim, Slotine, IEEE Robotics and Automation Letters 3(1), 2018"
+DRAWN = "data sheets give masses to 20 %, centres of mass to a fifth of the body, moments of inertia to 30 %"
+MOMENTS = ("sxx", "syy", "szz", "sxy", "sxz", "syz")
+THINNEST = 1e-4  # least second moment, of the body's largest; least mass, of its own
+THIN = 0.03  # of a body's size: no second moment counts as smaller than that of a plate so thick
 
 
 def payload(model, site, mass, place):
@@ -35,6 +40,49 @@ def inertia(model, site, change):
     model.body_inertia[model.body(site).id] *= 1 + change
 
 
+def rigid_body(model, site, mass, x, y, z, **moments):
+    """All ten inertial parameters: a mass spread as the model's is, a shift of the centre of mass in the body's axes,
+    and a change of the second moments of mass about it, S = tr(I)/2 − I, along the model's principal axes of inertia.
+
+    What no body can be is projected onto what one can: mass and second moments stay positive.
+    """
+    shift, change = np.array([x, y, z]), np.array([moments[name] for name in MOMENTS])
+    if not (mass or shift.any() or change.any()):
+        return
+    body = model.body(site).id
+    own, axes = model.body_mass[body], _axes(model, body)
+    before = second_moments(model.body_inertia[body])
+    total = max(own + mass, THINNEST * own)
+    # A model at the border, as a rod without thickness, may stay there.
+    least = min(THINNEST * before.max(), before.min())
+    spread = _at_least(np.diag(before * total / own) + _symmetric(change), least)
+    model.body_mass[body] = total
+    model.body_ipos[body] += shift
+    _set_inertia(model, body, axes @ (np.trace(spread) * np.eye(3) - spread) @ axes.T)
+
+
+def second_moments(principal: np.ndarray) -> np.ndarray:
+    """Second moments of mass, (3,), of principal moments of inertia (3,), kg m^2: positive for what has a density."""
+    return principal.sum() / 2 - principal
+
+
+def _at_least(matrix: np.ndarray, least: float) -> np.ndarray:
+    values, axes = np.linalg.eigh(matrix)
+    return axes * np.maximum(values, least) @ axes.T
+
+
+def _symmetric(entries: np.ndarray) -> np.ndarray:
+    xx, yy, zz, xy, xz, yz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _axes(model, body: int) -> np.ndarray:
+    """Principal axes of inertia, the columns of (3, 3), in the body's axes."""
+    axes = np.empty(9)
+    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
+    return axes.reshape(3, 3)
+
+
 def _outward(model, body: int) -> np.ndarray:
     centre = model.body_ipos[body]
     far = np.linalg.norm(centre)
@@ -42,9 +90,7 @@ def _outward(model, body: int) -> np.ndarray:
 
 
 def _full_inertia(model, body: int) -> np.ndarray:
-    axes = np.empty(9)
-    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
-    axes = axes.reshape(3, 3)
+    axes = _axes(model, body)
     return axes * model.body_inertia[body] @ axes.T
 
 
@@ -69,7 +115,65 @@ def _com_probes(scales, model, site):
     return [still | {"xyz"[axis]: amounts.SMALL / 2 * scales.length} for axis in moving]
 
 
+def _mean_mass(scales, model) -> float:
+    return scales.mass / max(np.count_nonzero((model.body_weldid != 0) & (model.body_mass > 0)), 1)
+
+
+def _extra_mass(scales, model, site):
+    return {"mass": float(max(model.body(site).mass[0], _mean_mass(scales, model)))}
+
+
+def _shifts(scales, model, site):
+    return dict.fromkeys("xyz", 0.2 * amounts.size(scales, model, site))
+
+
+def _rigid_prior(scales, model, site):
+    """Of bodies lighter than the mean, the mass is as uncertain as the mean's: nobody weighs cables and screws."""
+    row = model.body(site)
+    size = np.sqrt(np.maximum(second_moments(row.inertia), row.mass * (THIN * amounts.size(scales, model, site)) ** 2))
+    spread = [float(0.3 * size["xyz".index(a)] * size["xyz".index(b)]) for _, a, b in MOMENTS]
+    mass = 0.2 * _extra_mass(scales, model, site)["mass"]
+    return {"mass": mass, **_shifts(scales, model, site), **dict(zip(MOMENTS, spread, strict=True))}
+
+
+def _rigid_probes(scales, model, site):
+    """Of a planar mechanism only what moves: one second moment in the plane stands for both."""
+    axes, sizes = amounts.directions(model, amounts.reference(model, site)[1]), _rigid_prior(scales, model, site)
+    seen = ["mass", *("xyz"[axis] for axis in axes), *(MOMENTS if len(axes) == 3 else [_largest(model, site)])]
+    none = dict.fromkeys(sizes, 0.0)
+    return [none | {name: amounts.SMALL * sizes[name]} for name in seen]
+
+
+def _largest(model, site) -> str:
+    """The largest second moment in the plane of a planar mechanism."""
+    body = model.body(site).id
+    plane = amounts.directions(model, amounts.reference(model, site)[1] @ _axes(model, body))
+    return MOMENTS[max(plane, key=lambda axis: second_moments(model.body_inertia[body])[axis])]
+
+
 EFFECTS = (
+    Effect(
+        name="rigid_body",
+        family="structure",
+        equation="m' = m + Δm,  c' = c + (x, y, z),  S' = (m'/m) S + ΔS about c',  I = tr(S) − S",
+        sentence="Mass, centre of mass and inertia of the body together are not those of its drawing.",
+        reference=CONSISTENT,
+        enters="model",
+        coefficients=(
+            Coefficient("mass", "kg"),
+            *(Coefficient(axis, "m") for axis in "xyz"),
+            *(Coefficient(name, "kg m²") for name in MOMENTS),
+        ),
+        sites=sites.bodies,
+        probes=_rigid_probes,
+        law=rigid_body,
+        neutral=dict.fromkeys(("mass", *"xyz", *MOMENTS), 0.0),
+        export=exporting(rigid_body),
+        contains=("payload", "com_shift", "inertia"),
+        prior=_rigid_prior,
+        prior_source=DRAWN,
+        order=RIGID_BODIES,
+    ),
     Effect(
         name="payload",
         family="structure",
@@ -83,6 +187,9 @@ EFFECTS = (
         law=payload,
         neutral={"mass": 0.0, "place": 0.0},
         export=exporting(payload),
+        prior=_extra_mass,
+        prior_source="tools, batteries and looms weigh up to as much as the link that carries them",
+        order=RIGID_BODIES,
     ),
     Effect(
         name="com_shift",
@@ -97,6 +204,9 @@ EFFECTS = (
         law=com_shift,
         neutral={"x": 0.0, "y": 0.0, "z": 0.0},
         export=exporting(com_shift),
+        prior=_shifts,
+        prior_source=DRAWN,
+        order=RIGID_BODIES,
     ),
     Effect(
         name="inertia",
@@ -111,5 +221,8 @@ EFFECTS = (
         law=inertia,
         neutral={"change": 0.0},
         export=exporting(inertia),
+        prior=lambda scales, model, site: {"change": 0.3},
+        prior_source=DRAWN,
+        order=RIGID_BODIES,
     ),
 )

@@ -8,6 +8,7 @@ import numpy as np
 
 HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 UNSET = np.r_[np.nan, np.zeros(5)]
+STIFFEST = 0.9999  # MuJoCo's largest constraint impedance (mjMAXIMP)
 
 
 def editable(spec: mujoco.MjSpec) -> mujoco.MjModel:
@@ -34,6 +35,15 @@ def exporting(law: Callable) -> Callable:
         _write(spec, before, after)
 
     return export
+
+
+def exact_dry_friction(model: mujoco.MjModel, dof: int) -> None:
+    """Make MuJoCo's dry friction of degree of freedom `dof` turn over within one time step of `model.opt.timestep`.
+
+    At MuJoCo's default `solreffriction` it turns over some 10 ms before the speed does, and creeps under load.
+    """
+    model.dof_solref[dof] = 2 * model.opt.timestep, 1.0  # the tightest that MuJoCo keeps (refsafe)
+    model.dof_solimp[dof, :2] = STIFFEST
 
 
 def settle(spec: mujoco.MjSpec) -> None:
@@ -83,6 +93,7 @@ def _freeze(spec, model) -> None:
 
 def _put_dof(joint, model, row: int) -> None:
     joint.frictionloss = model.dof_frictionloss[row]
+    joint.solref_friction, joint.solimp_friction = model.dof_solref[row], model.dof_solimp[row]
     joint.damping = np.r_[model.dof_damping[row], model.dof_dampingpoly[row]]
     joint.armature = model.dof_armature[row]
 
@@ -140,7 +151,7 @@ def _joint_of_qpos(model, row: int) -> int:
     return int(np.flatnonzero(model.jnt_qposadr == row)[0])
 
 
-DOF = ("dof_frictionloss", "dof_damping", "dof_dampingpoly", "dof_armature")
+DOF = ("dof_frictionloss", "dof_solref", "dof_solimp", "dof_damping", "dof_dampingpoly", "dof_armature")
 DRIVE = tuple(f"actuator_{name}" for name in ("gainprm", "biasprm", "biastype", "forcerange", "forcelimited"))
 INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
 

@@ -4,10 +4,18 @@ import mujoco
 import numpy as np
 
 from fimpact.effects import amounts, sites
-from fimpact.effects.base import Coefficient, Effect, Signal
-from fimpact.effects.sites import ALL, component, measured_by
+from fimpact.effects.base import SENSING, Coefficient, Effect, Signal
+from fimpact.effects.sites import ALL, SLIDE, base, component, measured_by
 from fimpact.effects.structure import quaternion
 
+LATE = "buses and filters hold back by a few samples, at most some 50 ms"
+ZERO = {  # rad, m/s^2, rad/s: offsets of encoders set by a mark, and of inertial sensors in data sheets
+    int(mujoco.mjtSensor.mjSENS_JOINTPOS): 0.03,
+    int(mujoco.mjtSensor.mjSENS_ACCELEROMETER): 0.5,
+    int(mujoco.mjtSensor.mjSENS_GYRO): 0.05,
+}
+PLACE = 0.01  # of the mechanism: what lengths and places are measured to
+DRIFTS = 0.1  # of what a sensor shows: offset of any other kind
 CHANNEL = "of the channel"  # in place of a unit: that of what the sensor measures
 IMU = "Tedaldi, Pretto, Menegatti, A robust and easy to implement method for IMU calibration, ICRA 2014"
 
@@ -109,6 +117,15 @@ def _size(scales) -> float:
     return max(float(np.median(known)), amounts.FLOOR) if known.size else amounts.FLOOR
 
 
+def _bias_prior(scales, model, site):
+    sensor = model.sensor(base(site))
+    kind = int(sensor.type[0])
+    slides = kind == mujoco.mjtSensor.mjSENS_JOINTPOS and model.jnt_type[sensor.objid[0]] == SLIDE
+    if slides or kind == mujoco.mjtSensor.mjSENS_FRAMEPOS:
+        return {"offset": PLACE * scales.length}
+    return {"offset": ZERO.get(kind) or DRIFTS * _size(scales)}
+
+
 def _turn_probes(scales, model, site):
     still = {"turn_x": 0.0, "turn_y": 0.0, "turn_z": 0.0}
     return [still | {axis: amounts.SMALL} for axis in still]
@@ -127,6 +144,9 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"offset": amounts.SMALL * _size(scales)}],
         law=sensor_bias,
         neutral={"offset": 0.0},
+        prior=_bias_prior,
+        prior_source="zero marks of encoders: 1 or 2 degrees; data sheets of inertial sensors; others a tenth",
+        order=SENSING,
     ),
     Effect(
         name="sensor_scale",
@@ -140,6 +160,9 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"change": amounts.SMALL}],
         law=sensor_scale,
         neutral={"change": 0.0},
+        prior=lambda scales, model, site: {"change": 0.05},
+        prior_source="data sheets give sensitivities to some 5 %",
+        order=SENSING,
     ),
     Effect(
         name="sensor_delay",
@@ -153,6 +176,9 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"delay": 0.2 * scales.period}],
         law=sensor_delay,
         neutral={"delay": 0.0},
+        prior=lambda scales, model, site: {"delay": amounts.delay(scales)},
+        prior_source=LATE,
+        order=SENSING,
         when=_delayed,
     ),
     Effect(
@@ -168,6 +194,9 @@ EFFECTS = (
         law=misalignment,
         neutral={"turn_x": 0.0, "turn_y": 0.0, "turn_z": 0.0},
         export=_export_misalignment,
+        prior=lambda scales, model, site: {f"turn_{axis}": 0.05 for axis in "xyz"},
+        prior_source="sensors are mounted by eye, to some 3 degrees",
+        order=SENSING,
     ),
     Effect(
         name="clock_drift",
@@ -181,6 +210,9 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"rate": 0.2 * scales.period / scales.duration}],
         law=clock_drift,
         neutral={"rate": 0.0},
+        prior=lambda scales, model, site: {"rate": 1e-3},
+        prior_source="quartz clocks are true to .01 %, clocks kept by software to .1 %",
+        order=SENSING,
         when=_drifted,
     ),
 )

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 ALL, WORLD = "all", "world"
+DRAGS = "<-"  # between a joint and the neighbour that drags it
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 ROUND = (int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -34,6 +35,29 @@ def hinges(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
 def driven(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """Joints that an actuator of `actuators` drives."""
     return [name for name in joints(model) if drives(model, name)]
+
+
+def neighbours(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """``a<-b`` and ``b<-a`` for each driven joint a and the next driven joint b towards the base."""
+    names = driven(model)
+    pairs = [(name, _before(model, name, names)) for name in names]
+    return [place for a, b in pairs if b for place in (f"{a}{DRAGS}{b}", f"{b}{DRAGS}{a}")]
+
+
+def standing(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Bodies on the world, fixed or on joints, from which a mechanism rises, if there is gravity."""
+    if not np.any(model.opt.gravity):
+        return []
+    held = {model.joint(name).id for name in joints(model)}
+    first = {int(model.body_rootid[model.jnt_bodyid[joint]]) for joint in held}
+    rising = [body for body in sorted(first) if held.issuperset(np.flatnonzero(model.jnt_bodyid == body).tolist())]
+    return [model.body(body).name for body in rising if model.body(body).name]
+
+
+def servos(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Actuators that feed back position and speed, each with a gain of its own."""
+    fed = np.all(model.actuator_biasprm[:, 1:3] != 0, axis=1) & (model.actuator_biastype == AFFINE[1])
+    return [name for name in actuators(model) if fed[model.actuator(name).id]]
 
 
 def encoded(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
@@ -152,6 +176,11 @@ def drives(model: mujoco.MjModel, joint: str) -> list[int]:
     return [int(i) for i in np.flatnonzero(target) if _affine(model, i)]
 
 
+def can_touch(model: mujoco.MjModel) -> bool:
+    """Whether anything in it may come into contact."""
+    return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
+
+
 def pairs_of(model: mujoco.MjModel, geom: int) -> list[int]:
     """Explicit contact pairs that contain `geom`."""
     return np.flatnonzero((model.pair_geom1 == geom) | (model.pair_geom2 == geom)).tolist()
@@ -178,6 +207,18 @@ def _flies(model, joint) -> bool:
     own = np.flatnonzero(model.jnt_bodyid == body)
     pushed = np.isin(own, model.actuator_trnid[model.actuator_trntype == ON_JOINT, 0])
     return np.count_nonzero(model.jnt_type[own] == SLIDE) > 1 and not pushed.any()
+
+
+def _before(model, joint: str, among: list[str]) -> str:
+    """The next of the joints `among` before `joint` on its body or towards the base, or ""."""
+    body, last = model.joint(joint).bodyid[0], model.joint(joint).id
+    while body:
+        own = [i for i in np.flatnonzero(model.jnt_bodyid == body)[::-1] if i < last]
+        found = [name for name in (model.joint(i).name for i in own) if name in among]
+        if found:
+            return found[0]
+        body = model.body_parentid[body]
+    return ""
 
 
 def _affine(model, actuator: int) -> bool:

@@ -4,12 +4,13 @@ import mujoco
 import numpy as np
 
 from fimpact.effects import amounts, sites
-from fimpact.effects.base import Coefficient, Effect, State
+from fimpact.effects.base import STRUCTURE, Coefficient, Effect, State
 from fimpact.effects.native import exporting
 
 DOWN = np.array([0.0, 0.0, -9.81])  # m/s^2, for a model without gravity: a mechanism that lies in a horizontal plane
 RESTS = (-4.0, -1.0, 0.0, 1.0, 4.0)  # of a joint's travel, from its mean position
 CABLE = 3.0  # times the size of the mechanism: from further away a cable pulls at all of it alike, as gravity does
+TAKES = "hoses, cables and balance springs take at most some third of the torque"
 ALONG = 0.7  # cosine above which an axis counts as parallel
 
 
@@ -38,6 +39,24 @@ def gravity_tilt(model, site, tilt_x, tilt_y, tilt_z):
     """Gravity turns by a rotation vector in world axes; the turned minus the upright one is added."""
     upright = model.opt.gravity.copy() if np.any(model.opt.gravity) else DOWN
     model.opt.gravity += turned(upright, np.array([tilt_x, tilt_y, tilt_z])) - upright
+
+
+def base_gives_way(state: State, site, compliance):
+    """The weight of all that stands on the base turns it about its origin, in horizontal axes, and gravity then comes
+    from another direction. Quasi-static: accelerations neither turn the base nor come from its turning."""
+    model, data = state.model, state.kinematics
+    body, gravity = model.body(site).id, model.opt.gravity
+    down, mass = gravity / np.linalg.norm(gravity), model.body_subtreemass[model.body(site).id]
+    out, jacobian = np.empty_like(state.qvel), np.zeros((3, model.nv))
+    for row, qpos in zip(out, state.qpos, strict=True):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacSubtreeCom(model, data, jacobian, body)
+        turn = compliance * np.cross(data.subtree_com[body] - data.xpos[body], mass * gravity)
+        turn -= down * (down @ turn)
+        row[:] = jacobian.T @ (-mass * np.cross(turn, gravity))
+    return out
 
 
 def turned(vector: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -85,10 +104,12 @@ def _rests(scales, model, site):
 
 
 def _hardening_probes(scales, model, site):
-    joint = model.joint(site)
-    away = amounts.middle(scales, model, site) - model.qpos_spring[joint.qposadr[0]]
-    stretch = float(np.hypot(away, amounts.travel(scales, model, site)))
-    return [{"cubic": amounts.SMALL * amounts.force(scales, model, site) / stretch**3}]
+    return [{"cubic": amounts.SMALL * amounts.force(scales, model, site) / _stretch(scales, model, site) ** 3}]
+
+
+def _stretch(scales, model, site) -> float:
+    away = amounts.middle(scales, model, site) - model.qpos_spring[model.joint(site).qposadr[0]]
+    return float(np.hypot(away, amounts.travel(scales, model, site)))
 
 
 def _cable_probes(scales, model, site):
@@ -113,6 +134,24 @@ def _tilt_probes(scales, model, site):
     return [still | {f"tilt_{'xyz'[axis]}": amounts.SMALL / 2} for axis in axes]
 
 
+def _stiff_as_a_link(name, power):
+    """Standard deviation of a spring that takes a third of the force applied over the joint's travel."""
+
+    def prior(scales, model, site):
+        stretch = _stretch(scales, model, site) if power > 1 else amounts.travel(scales, model, site)
+        return {name: 0.3 * amounts.applied(scales, model, site) / stretch**power}
+
+    return prior
+
+
+def _base_probes(scales, model, site):
+    return [{"compliance": amounts.SMALL * _base_prior(scales, model, site)["compliance"]}]
+
+
+def _base_prior(scales, model, site):
+    return {"compliance": 0.01 / (scales.mass * scales.gravity * scales.length)}
+
+
 EFFECTS = (
     Effect(
         name="spring",
@@ -128,6 +167,9 @@ EFFECTS = (
         neutral={"stiffness": 0.0, "rest": 0.0},
         export=exporting(spring),
         ranges=_rests,
+        prior=_stiff_as_a_link("stiffness", 1),
+        prior_source=TAKES,
+        order=STRUCTURE,
     ),
     Effect(
         name="hardening_spring",
@@ -142,6 +184,9 @@ EFFECTS = (
         law=hardening_spring,
         neutral={"cubic": 0.0},
         export=exporting(hardening_spring),
+        prior=_stiff_as_a_link("cubic", 3),
+        prior_source=TAKES,
+        order=STRUCTURE,
     ),
     Effect(
         name="cable_pull",
@@ -162,6 +207,9 @@ EFFECTS = (
         neutral={"stiffness": 0.0, "anchor_x": 0.0, "anchor_y": 0.0, "anchor_z": 0.0},
         export=_export_cable,
         ranges=_anchors,
+        prior=lambda scales, model, site: {"stiffness": 0.3 * amounts.push(scales, model) / scales.length},
+        prior_source=TAKES,
+        order=STRUCTURE,
     ),
     Effect(
         name="gravity_tilt",
@@ -176,5 +224,24 @@ EFFECTS = (
         law=gravity_tilt,
         neutral={"tilt_x": 0.0, "tilt_y": 0.0, "tilt_z": 0.0},
         export=exporting(gravity_tilt),
+        prior=lambda scales, model, site: {f"tilt_{axis}": 0.03 for axis in "xyz"},
+        prior_source="floors and tables are level to 1 or 2 degrees",
+        order=STRUCTURE,
+    ),
+    Effect(
+        name="base_gives_way",
+        family="structure",
+        equation="τ = −Jᵀ M (θ × g),  θ = C (r × M g) horizontal, r from the base's origin to the centre of all mass M",
+        sentence="The base is not rigid: the weight of the mechanism tips it, further where it reaches out.",
+        reference="Siciliano, Khatib (eds.), Springer Handbook of Robotics, 2016, ch. 6",
+        enters="force",
+        coefficients=(Coefficient("compliance", "rad/(N m)", low=0.0),),
+        sites=sites.standing,
+        probes=_base_probes,
+        law=base_gives_way,
+        neutral={"compliance": 0.0},
+        prior=_base_prior,
+        prior_source="mounts that give visibly, by half a degree under the weight stretched out, get stiffened",
+        order=STRUCTURE,
     ),
 )

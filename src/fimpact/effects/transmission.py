@@ -3,8 +3,9 @@
 import numpy as np
 
 from fimpact.effects import amounts, gears, sites
-from fimpact.effects.base import Coefficient, Effect, State
+from fimpact.effects.base import TRANSMISSION, Coefficient, Effect, State
 from fimpact.effects.drives import motor_force
+from fimpact.effects.sites import DRAGS
 
 # Per turn; further apart, what lies between two of them would be seen by neither. With fewer than four, which is what a
 # motor of two pole pairs has, a ripple is as smooth as a spring.
@@ -22,6 +23,15 @@ def efficiency(state: State, site, driving, driven):
     force = motor_force(state, site)
     ahead, back = driving * np.abs(force), driven * np.abs(force)
     return np.where(force > 0, ahead, back), np.where(force < 0, ahead, back)
+
+
+def transmission_coupling(state: State, site, inertia, damping, friction):
+    """The neighbour's acceleration, speed and direction pull at the joint."""
+    joint, _, neighbour = site.partition(DRAGS)
+    moving, _, speed = state.joint(neighbour)
+    acceleration = state.acceleration(moving, ("coupling", site))
+    force = inertia * acceleration + damping * speed + friction * np.sign(speed)
+    return state.on_joint(state.joint(joint)[0], -force)
 
 
 def _gap_probes(scales, model, site):
@@ -45,6 +55,34 @@ def _loss_probes(scales, model, site):
     return [{"driving": amounts.SMALL, "driven": half}, {"driving": half, "driven": amounts.SMALL}]
 
 
+def _coupling_prior(scales, model, site):
+    joint, _, neighbour = site.partition(DRAGS)
+    force, speed = amounts.applied(scales, model, joint), amounts.speed(scales, model, neighbour)
+    return {"inertia": amounts.inertia(scales, model, joint), "damping": force / speed, "friction": force}
+
+
+def _coupling_probes(scales, model, site):
+    sizes = _coupling_prior(scales, model, site)
+    return [dict.fromkeys(sizes, 0.0) | {name: amounts.SMALL * size} for name, size in sizes.items()]
+
+
+def _gap_prior(scales, model, site):
+    return {"gap": 0.02 if _turns(model, site) else 2e-4}
+
+
+def _compliance_prior(scales, model, site):
+    wound = 0.02 if _turns(model, site) else 1e-3
+    return {"compliance": wound / amounts.applied(scales, model, site)}
+
+
+def _ripple_prior(scales, model, site):
+    return dict.fromkeys(("sine", "cosine"), 0.1 * amounts.applied(scales, model, site))
+
+
+def _turns(model, joint) -> bool:
+    return model.joint(joint).type[0] == sites.HINGE
+
+
 EFFECTS = (
     Effect(
         name="backlash",
@@ -59,6 +97,9 @@ EFFECTS = (
         law=gears.loose,
         neutral={"gap": 0.0},
         linear=False,
+        prior=_gap_prior,
+        prior_source="gear data sheets: a few arc minutes for planetary gears, a degree for hobby servos",
+        order=TRANSMISSION,
     ),
     Effect(
         name="joint_elasticity",
@@ -76,6 +117,9 @@ EFFECTS = (
         law=gears.elastic,
         neutral={"compliance": 0.0, "retardation": 1.0},
         linear=False,
+        prior=_compliance_prior,
+        prior_source="data sheets of strain wave gears and belts: up to a degree of wind-up at the torque they carry",
+        order=TRANSMISSION,
     ),
     Effect(
         name="torque_ripple",
@@ -93,6 +137,9 @@ EFFECTS = (
         probes=_ripple_probes,
         law=torque_ripple,
         neutral={"sine": 0.0, "cosine": 0.0, "cycles": 1.0},
+        prior=_ripple_prior,
+        prior_source="data sheets of motors: cogging and ripple of some 1 to 10 % of the torque",
+        order=TRANSMISSION,
     ),
     Effect(
         name="efficiency",
@@ -110,5 +157,29 @@ EFFECTS = (
         law=efficiency,
         neutral={"driving": 0.0, "driven": 0.0},
         contains=("load_dependent_friction",),
+        prior=lambda scales, model, site: {"driving": 0.3, "driven": 0.3},
+        prior_source="data sheets of gears give efficiencies of 70 % and more",
+        order=TRANSMISSION,
+        refines=("coulomb", "load_dependent_friction"),
+    ),
+    Effect(
+        name="transmission_coupling",
+        family="transmission",
+        equation="τ_a = −(Ic q̈_b + dc q̇_b + Fc sign(q̇_b)), site a<-b",
+        sentence="A joint is dragged by its neighbour's motion, through a belt, a differential or a shared gear.",
+        reference="Khalil, Dombre, Modeling, Identification and Control of Robots, 2002, ch. 9",
+        enters="force",
+        coefficients=(
+            Coefficient("inertia", "kg m²"),
+            Coefficient("damping", "N m s/rad"),
+            Coefficient("friction", "N m"),
+        ),
+        sites=sites.neighbours,
+        probes=_coupling_probes,
+        law=transmission_coupling,
+        neutral={"inertia": 0.0, "damping": 0.0, "friction": 0.0},
+        prior=_coupling_prior,
+        prior_source="what couples two joints is part of the neighbour's drive: its friction and its rotor",
+        order=TRANSMISSION,
     ),
 )

@@ -1,0 +1,211 @@
+"""Forward selection with refits: choose, refit with the trajectory, drop what is worth nothing, and look again."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fimpact.deciding import P_ALARM, REFINES, SHARE
+from fimpact.effects.base import Effect, Placed, Scales
+from fimpact.selection.options import Option, options
+from fimpact.selection.regression import Regression
+from fimpact.selection.search import Round, Trial, search, worth
+from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales
+from fimpact.smoothing.parameters import placed_of, theta_of
+from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.states import States
+from fimpact.smoothing.track import Track
+
+MOST = 12  # rounds
+RIVALS = 4  # refitted beside the best in a round
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """An explanation in place of the last one chosen, refitted: its effects and its weight beside the answer's 1."""
+
+    placed: tuple[Placed, ...]
+    weight: float
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What was found: the naive fit, the final one, the regression of the final one on its numbers, how many of its
+    effects are of the first tier, rounds, alternatives, and the chance of the strongest hint where nothing was."""
+
+    naive: Smoothed
+    final: Smoothed
+    regression: Regression
+    main: int
+    rounds: tuple[Round, ...]
+    alternatives: tuple[Alternative, ...]
+    p: float
+    scales: Scales
+    missing: np.ndarray
+
+
+class Search:
+    """The state of a search: what is in, and what may still come."""
+
+    def __init__(self, track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable):
+        self.track, self.begun, self.noise, self.progress = track, begun, noise, progress
+        self.naive = self.current = smooth(track, begun, noise, progress=progress)
+        self.scales = motion_scales(self.naive)
+        self.candidates = candidates(effects, track, self.scales)
+        self.missing = (self.naive.tau**2).sum(0)
+        self.rounds: list[Round] = []
+        self.alternatives: list[Alternative] = []
+        self.dropped: set[str] = set()
+
+    def open(self, small: bool) -> list[Candidate]:
+        """Candidates that are not in; small: only refinements of what is."""
+        names = {p.name for p in self.current.placed} | self.dropped
+        families = {p.effect.name for p in self.current.placed}
+        left = [c for c in self.candidates if c.name not in names and not self._is_sum(c)]
+        if small:
+            left = [c for c in left if set(c.effect.refines) & families and self._has_its_family(c)]
+        return left
+
+    def _is_sum(self, candidate: Candidate) -> bool:
+        """Whether it is what is in already and a constant: it holds that, and has no shape of its own."""
+        return bool(_held_by(candidate.effect, candidate.site, self.current.placed)) and not candidate.shapes
+
+    def _has_its_family(self, candidate: Candidate) -> bool:
+        places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
+        return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
+
+    def round(self, small: bool = False) -> bool:
+        """Choose and refit; False where nothing qualifies."""
+        tried = self.open(small)
+        if not tried:
+            return False
+        regression = Regression(self.current, columns(self.current, tried))
+        offered = options(self.track.model, self.track.recording.channels, tried)
+        missing = (self.current.tau**2).sum(0) if small else self.missing
+        found = search(regression, offered, missing, REFINES if small else SHARE)
+        if found.chosen is None and self.rounds:
+            return False
+        self.rounds.append(found)
+        if found.chosen is None:
+            return False
+        chosen, before = found.chosen, self.current
+        self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
+        best = self.refitted(regression, chosen)
+        best = self._among_rivals(regression, found, best)
+        best = self.pruned(best, missing if small else self.missing, small)
+        self.dropped |= {p.name for p in best.placed} - {p.name for p in before.placed} if not best.converged else set()
+        self.current = best if best.converged else before
+        self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in self.current.placed}
+        return True
+
+    def refitted(self, regression: Regression, trial: Trial) -> Smoothed:
+        """The fit with the members of `trial`, begun where the regression has them."""
+        placed, priors = _begun(regression, trial)
+        gone = {i for law in placed for i in _held_by(law.effect, law.site, self.current.placed)}
+        placed = tuple(_with_held(law, self.current.placed) for law in placed)
+        kept = [i for i in range(len(self.current.placed)) if i not in gone]
+        steps = dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))
+        numbers = [n.moved(steps.get(i, 0.0)) for i, n in enumerate(self.current.numbers)]
+        before, theta = placed_of(numbers, self.current.placed), theta_of(numbers)
+        own = (*(before[i] for i in kept), *placed)
+        known = (*(self.current.priors[i] for i in kept), *priors)
+        return smooth(self.track, self.begun, self.noise, own, known, self.current, theta, self.progress)
+
+    def _among_rivals(self, regression: Regression, found: Round, best: Smoothed) -> Smoothed:
+        """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
+        rivals = [t for t, _ in found.rivals][:RIVALS]
+        fits = [best] + [self.refitted(regression, t) for t in rivals]
+        losses = np.array([fit.loss if fit.converged else np.inf for fit in fits])
+        spread = regression.dispersion
+        losses = np.where(np.isfinite(losses), losses, np.inf)
+        weights = np.exp(-(losses - losses.min()) / spread) if np.isfinite(losses.min()) else np.ones(len(fits))
+        first = int(np.argmax(weights))
+        if weights[0] > np.exp(-0.5):
+            first = 0
+        self.alternatives = [
+            Alternative(fit.placed, float(w)) for i, (fit, w) in enumerate(zip(fits, weights, strict=True)) if i != first
+        ]
+        return fits[first]
+
+    def pruned(self, fit: Smoothed, missing: np.ndarray, small: bool) -> Smoothed:
+        """The fit without what is worth nothing, one refit for all of it."""
+        while True:
+            kept = [i for i in range(len(fit.placed)) if self._bears(fit, i, missing, small)]
+            if len(kept) == len(fit.placed):
+                return fit
+            self.dropped |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
+            placed, priors = tuple(fit.placed[i] for i in kept), tuple(fit.priors[i] for i in kept)
+            fit = smooth(self.track, self.begun, self.noise, placed, priors, fit, progress=self.progress)
+
+    def _bears(self, fit: Smoothed, place: int, missing: np.ndarray, small: bool) -> bool:
+        if small and place < len(self.current.placed):
+            return True
+        regression = Regression(fit, columns(fit, []))
+        own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not _is_shape(fit.placed[place], n.name)]
+        found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
+        return any(w.p < P_ALARM and w.share > (REFINES if small else SHARE) / 2 for w in found)
+
+
+def explain(
+    track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None
+) -> Explanation:
+    """Find what is missing: classes of physics first, then single odd effects, then small refinements of both."""
+    state = Search(track, begun, noise, effects, progress)
+    while len(state.rounds) < MOST and state.round():
+        pass
+    main = len(state.current.placed)
+    first = state.rounds[0] if state.rounds else None
+    while main and len(state.rounds) < 2 * MOST and state.round(small=True):
+        pass
+    p = 1.0 if first is None else min((t.p for t in first.tried), default=1.0)
+    final = state.current
+    return Explanation(
+        state.naive, final, Regression(final, columns(final, [])), main, tuple(state.rounds),
+        tuple(state.alternatives), p, state.scales, state.missing,
+    )  # fmt: skip
+
+
+def _begun(regression: Regression, trial: Trial) -> tuple[tuple[Placed, ...], tuple[dict[str, float], ...]]:
+    """Members of a trial with the values that the regression gives them, and the priors of their amplitudes."""
+    values: dict[int, dict[int, float]] = {}
+    for column, value in zip(trial.estimate.kept, trial.estimate.values, strict=True):
+        if column >= regression.p:
+            owner, amplitude = regression.columns.owners[column - regression.p]
+            values.setdefault(owner, {})[amplitude] = float(value)
+    placed, priors = [], []
+    for owner, own in values.items():
+        candidate = regression.columns.candidates[owner]
+        amplitudes = [own.get(i, 0.0) * sd for i, sd in enumerate(candidate.sd)]
+        placed.append(_within(candidate.placed(amplitudes)))
+        priors.append(dict(zip(candidate.names, candidate.sd, strict=True)))
+    return tuple(placed), tuple(priors)
+
+
+def _held_by(effect: Effect, site: str, placed: Sequence[Placed]) -> list[int]:
+    """Which of `placed` are special cases of an effect at the same site."""
+    return [i for i, law in enumerate(placed) if law.site == site and law.effect.name in effect.contains]
+
+
+def _with_held(law: Placed, placed: Sequence[Placed]) -> Placed:
+    """A law that takes the place of its special cases begins with their amplitudes."""
+    values = dict(law.values)
+    for i in _held_by(law.effect, law.site, placed):
+        own = [c for c in placed[i].effect.coefficients if not c.shape][0]
+        alike = [c.name for c in law.effect.coefficients if c.name in (own.name, placed[i].effect.name)]
+        for name in alike[:1]:
+            values[name] += placed[i].values[own.name]
+    return replace(law, values=values)
+
+
+def _within(placed: Placed) -> Placed:
+    values = {c.name: float(np.clip(placed.values[c.name], c.low, c.high)) for c in placed.effect.coefficients}
+    return replace(placed, values=values)
+
+
+def _is_shape(placed: Placed, name: str) -> bool:
+    return next(c.shape for c in placed.effect.coefficients if c.name == name)
+
+
+def chosen_options(rounds: Sequence[Round]) -> list[Option]:
+    """What each round chose."""
+    return [found.chosen.option for found in rounds if found.chosen]

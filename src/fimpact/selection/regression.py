@@ -1,0 +1,198 @@
+"""Blocked regression of a smoothed recording on its columns: everything that selection asks is algebra of small Grams.
+
+Independent is a stretch, not a sample: folds leave out whole stretches, and covariances are cluster-robust over them
+(Liang and Zeger, Biometrika 73(1), 1986; Roberts et al., Ecography 40(8), 2017).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import stats
+
+from fimpact.deciding import FOLDS, STRETCHES
+from fimpact.smoothing.columns import Columns
+from fimpact.smoothing.smoother import Smoothed
+
+LEAST = 8  # samples in a stretch
+LONG = 4  # correlation times in a stretch
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Values (k,) of the columns `kept`, the loss of the fit, and what each fold has without its stretches, (folds, k)."""
+
+    kept: tuple[int, ...]
+    values: np.ndarray
+    loss: float
+    folds: np.ndarray
+
+
+class Regression:
+    """The data of a smoothed recording as a regression on `columns`; column numbers count from the first parameter."""
+
+    def __init__(self, smoothed: Smoothed, columns: Columns):
+        self.smoothed, self.columns = smoothed, columns
+        self.p = len(smoothed.numbers)
+        self.stretch = stretches(smoothed)
+        self.count = int(self.stretch.max()) + 1
+        rows = columns.innovations
+        flat = rows.reshape(-1, rows.shape[2])
+        owner = np.repeat(self.stretch, rows.shape[1])
+        own = [flat[owner == b] for b in range(self.count)]
+        grams = np.array([part.T @ part for part in own])
+        self.gram, self.right, self.square = grams[:, 1:, 1:], grams[:, 1:, 0], grams[:, 0, 0]
+        self.fold = np.arange(self.count) * FOLDS // self.count
+        self.weight, self.pull = self._priors()
+        self.positive = np.zeros(self.gram.shape[1], bool)
+        for i, (owner, amplitude) in enumerate(columns.owners):
+            candidate = columns.candidates[owner]
+            self.positive[self.p + i] = candidate.positive[amplitude]
+
+    def _priors(self) -> tuple[np.ndarray, np.ndarray]:
+        weight, pull = np.ones(self.gram.shape[1]), np.zeros(self.gram.shape[1])
+        for i, n in enumerate(self.smoothed.numbers):
+            weight[i] = (n.slope / n.sd) ** 2
+            pull[i] = n.slope * (n.mean - n.value) / n.sd**2 if np.isfinite(n.sd) else 0.0
+        return weight, pull
+
+    @cached_property
+    def dispersion(self) -> float:
+        """By how much scores vary more from stretch to stretch than white noise would have it, at least 1."""
+        base = self.solve(range(self.p), 1.0)
+        scores = self.right - self.gram[:, :, list(base.kept)] @ base.values
+        scores = scores - scores.mean(0)
+        spread, expected = (scores**2).sum(0), np.einsum("bii->i", self.gram)
+        known = expected > 0
+        return max(1.0, float(np.median(spread[known] / expected[known]))) if known.any() else 1.0
+
+    def solve(self, kept: Sequence[int], weight: float | None = None) -> Estimate:
+        """Ridge estimate of the columns `kept`; data count 1 / `weight`, None: as many as stretches are independent."""
+        kept, weight = tuple(kept), self.dispersion if weight is None else weight
+        if not kept:
+            return Estimate((), np.zeros(0), float(self.square.sum()) / weight, np.zeros((FOLDS, 0)))
+        gram, right = self.gram[:, kept][:, :, kept] / weight, self.right[:, kept] / weight
+        prior, pull = np.diag(self.weight[list(kept)]), self.pull[list(kept)]
+        whole, all_right = gram.sum(0), right.sum(0)
+        values = _ridge(whole + prior, all_right + pull)
+        folds = []
+        for f in range(FOLDS):
+            out = self.fold == f
+            folds.append(_ridge(whole - gram[out].sum(0) + prior, all_right - right[out].sum(0) + pull))
+        # What a prior shifts is not seen by the data: the penalty is that of the values from its mean.
+        loss = self.square.sum() / weight - 2 * values @ all_right + values @ whole @ values
+        loss += values @ prior @ values - 2 * pull @ values
+        return Estimate(kept, values, float(loss), np.array(folds))
+
+    def proper(self, kept: Sequence[int]) -> Estimate:
+        """`solve` without the columns whose estimate has a sign that physics forbids."""
+        kept = list(kept)
+        while True:
+            found = self.solve(kept)
+            wrong = {c for c, v in zip(found.kept, found.values, strict=True) if self.positive[c] and v < 0}
+            if not wrong:
+                return found
+            kept = [c for c in kept if c not in wrong]
+
+    def errors(self, found: Estimate) -> np.ndarray:
+        """Squared innovations, (stretches,), of each stretch as predicted from the other folds."""
+        kept = list(found.kept)
+        values = found.folds[self.fold]
+        gram, right = self.gram[:, kept][:, :, kept], self.right[:, kept]
+        return self.square - 2 * (values * right).sum(1) + np.einsum("bi,bij,bj->b", values, gram, values)
+
+    def forces_left(self, found: Estimate) -> np.ndarray:
+        """Squared missing force, (stretches, nv), left in each stretch as predicted from the other folds."""
+        rows = self.columns.forces
+        kept = [1 + c for c in found.kept]
+        values = found.folds[self.fold][self.stretch]
+        left = rows[:, :, 0] - np.einsum("kjc,kc->kj", rows[:, :, kept], values)
+        return np.array([np.bincount(self.stretch, weights=column**2, minlength=self.count) for column in left.T]).T
+
+    def scores(self, found: Estimate) -> np.ndarray:
+        """Score of each stretch for the kept columns, (stretches, k)."""
+        kept = list(found.kept)
+        return self.right[:, kept] - self.gram[:, kept][:, :, kept] @ found.values
+
+    def covariance(self, found: Estimate, clusters: np.ndarray | None = None) -> np.ndarray:
+        """Cluster-robust covariance, (k, k), at least that of white noise in every direction of a column.
+
+        Args:
+            clusters: cluster of each stretch, (stretches,); None: each its own.
+        """
+        kept = list(found.kept)
+        whole, prior = self.gram[:, kept][:, :, kept].sum(0), np.diag(self.weight[kept])
+        white = np.linalg.pinv(whole + prior, hermitian=True)
+        bread = np.linalg.pinv(whole / self.dispersion + prior, hermitian=True)
+        scores = self.scores(found) / self.dispersion
+        if clusters is not None:
+            scores = np.array([scores[clusters == c].sum(0) for c in np.unique(clusters)])
+        meat = scores.T @ scores * len(scores) / max(len(scores) - 1, 1)
+        robust = bread @ meat @ bread
+        wider = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(robust), 1e-300), 1.0))
+        return robust * np.outer(wider, wider)
+
+    def gain(self, before: Estimate, after: Estimate) -> tuple[float, float]:
+        """By how much `after` fits better than `before`, whose columns it holds, and the dispersion of that.
+
+        The first over the second is chi-squared with as many degrees as columns were added.
+        """
+        size = self.gram.shape[1]
+        step = np.zeros(size)
+        step[list(after.kept)] += after.values
+        step[list(before.kept)] -= before.values
+        along = self.scores(after) @ step[list(after.kept)]
+        gain = self.dispersion * (before.loss - after.loss)
+        return gain, max(1.0, float((along**2).sum() / gain)) if gain > 0 else 1.0
+
+    @cached_property
+    def independent(self) -> float:
+        """Effective number of different columns (Galwey, Genetic Epidemiology 33(7), 2009)."""
+        own = np.arange(self.p, self.gram.shape[1])
+        if not len(own):
+            return 1.0
+        whole = self.gram.sum(0)
+        if self.p:
+            inner = np.linalg.pinv(whole[: self.p, : self.p] + np.diag(self.weight[: self.p]), hermitian=True)
+            whole = whole[np.ix_(own, own)] - whole[np.ix_(own, range(self.p))] @ inner @ whole[np.ix_(range(self.p), own)]
+        size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+        roots = np.maximum(np.linalg.eigvalsh(whole / np.outer(size, size)), 0.0)
+        return float(np.sqrt(roots).sum() ** 2 / max(roots.sum(), 1e-300))
+
+
+def stretches(smoothed: Smoothed) -> np.ndarray:
+    """Stretch of each sample, (N,): some correlation times of the missing force, at least `STRETCHES` in all."""
+    track = smoothed.track
+    lag = max((_correlation_time(smoothed.tau[rows]) for rows in track.slices()), default=1)
+    most, few = max(track.count // (2 * STRETCHES), LEAST), max(track.count // (4 * STRETCHES), LEAST)
+    length = int(np.clip(LONG * lag, few, most))
+    out, begun = np.empty(track.count, int), 0
+    for rows in track.slices():
+        size = rows.stop - rows.start
+        parts = max(size // length, 1)
+        out[rows] = begun + np.minimum(np.arange(size) * parts // size, parts - 1)
+        begun += parts
+    return out
+
+
+def _correlation_time(tau: np.ndarray) -> int:
+    """Samples after which the autocorrelation of the loudest force has fallen to 1 / e."""
+    own = tau[:, int(np.argmax((tau**2).mean(0)))]
+    own = own - own.mean()
+    if len(own) < LEAST or not own.any():
+        return 1
+    size = 2 * len(own)
+    power = np.fft.irfft(np.abs(np.fft.rfft(own, size)) ** 2, size)[: len(own)]
+    below = np.flatnonzero(power < power[0] / np.e)
+    return int(below[0]) if len(below) else len(own)
+
+
+def _ridge(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    return np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=1e-12)[0] / scale
+
+
+def chance(gain: float, dispersion: float, added: int) -> float:
+    """Chance of such a gain by as many columns where nothing is missing."""
+    return float(stats.chi2.sf(max(gain, 0.0) / dispersion, max(added, 1)))

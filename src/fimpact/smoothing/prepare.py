@@ -1,0 +1,49 @@
+"""From a recording to the track that is smoothed: time step, first states and noise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fimpact.recordings import Recording, Run
+from fimpact.simulation.starts import measured_motion, noise_level
+from fimpact.smoothing.states import States
+from fimpact.smoothing.track import Track, refined
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A track, the states that the measurements show, (N,), and sd of the readings, (ny,)."""
+
+    track: Track
+    begun: States
+    noise: np.ndarray
+
+
+def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> Prepared:
+    """The track of `runs`, default: those that may be fitted.
+
+    Args:
+        refine: parts of the model's time step; 0: as fine as it must be.
+    """
+    noise, runs = noise_level(recording), runs or recording.training
+
+    def begin(track: Track) -> States:
+        return measured_states(track, noise)
+
+    track, begun = refined(recording, runs, begin, noise, refine)
+    return Prepared(track, begun, noise)
+
+
+def measured_states(track: Track, noise: np.ndarray) -> States:
+    """States as the measurements show them; actuators as their first commands have them."""
+    model, motions = track.model, []
+    for run in track.runs:
+        motions.append(measured_motion(model, track.recording, run, noise)[:2])
+    qpos, qvel = (np.concatenate(part) for part in zip(*motions, strict=True))
+    act = np.zeros((track.count, model.na))
+    for motor in range(model.nu):
+        first, size = model.actuator_actadr[motor], model.actuator_actnum[motor]
+        if first >= 0 and size == 1:
+            act[:, first] = track.ctrl[:, 0, motor]
+    return States(qpos, qvel, act)

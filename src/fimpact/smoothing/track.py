@@ -1,0 +1,225 @@
+"""The samples of a recording's runs, one after the other, and the model's own simulator over one of them."""
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from fimpact.deciding import DOUBT
+from fimpact.effects.base import Placed
+from fimpact.effects.sites import can_touch
+from fimpact.recordings import Recording, Run
+from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.windows import Windows, cut
+from fimpact.smoothing.laws import DRY, expected_sign, force_of, middle, reading_of, speed_doubt
+from fimpact.smoothing.states import States, Tangent, tangent
+
+FINEST = 32  # parts of the model's time step at most
+ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one sample leads to: the states after it, and the readings (N, ny) at its start."""
+
+    after: States
+    readings: np.ndarray
+
+
+class Track:
+    """All samples of `runs`, N of them, row after row, and what the model makes of each."""
+
+    def __init__(self, simulator: Simulator, runs: Sequence[Run]):
+        self.simulator, self.runs = simulator, tuple(runs)
+        self.model: mujoco.MjModel = simulator.base
+        self.recording: Recording = simulator.recording
+        self.period = self.recording.period
+        self.space: Tangent = tangent(self.model)
+        self.lengths = np.array([len(run.measured) for run in runs])
+        self.bounds = np.concatenate([[0], np.cumsum(self.lengths)])
+        self.measured = np.concatenate([run.measured for run in runs])
+        self.count = len(self.measured)
+        self.last = np.zeros(self.count, bool)
+        self.last[self.bounds[1:] - 1] = True
+        self.run_of = np.repeat(np.arange(len(runs)), self.lengths)
+        self.time = np.concatenate([np.arange(length) * self.period for length in self.lengths])
+
+    @cached_property
+    def windows(self) -> Windows:
+        """The runs as windows, one each, padded."""
+        return cut(self.runs, 0) if len(self.runs) == 1 else _whole(self.runs)
+
+    @cached_property
+    def ctrl(self) -> np.ndarray:
+        """Commands as recorded, (N, 1, nu)."""
+        return np.concatenate([run.ctrl for run in self.runs])[:, None]
+
+    @cached_property
+    def late(self) -> np.ndarray:
+        """Which channels read forces or accelerations, (ny,)."""
+        sensors = [self.model.sensor(name.partition("[")[0]).id for name in self.recording.channels]
+        return self.model.sensor_needstage[sensors] == ACCELERATION
+
+    def slices(self) -> list[slice]:
+        """Rows of each run."""
+        return [slice(a, b) for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)]
+
+    def flat(self, padded: np.ndarray) -> np.ndarray:
+        """Rows (N, ...) of an array by run, (runs, longest, ...)."""
+        return np.concatenate([padded[i, :n] for i, n in enumerate(self.lengths)])
+
+    def padded(self, rows: np.ndarray) -> np.ndarray:
+        """An array by run, (runs, longest, ...), of `rows` (N, ...), each run continued by its last."""
+        index = np.minimum(np.arange(self.lengths.max()), self.lengths[:, None] - 1) + self.bounds[:-1, None]
+        return rows[index]
+
+    def commands(self, placed: Sequence[Placed] = ()) -> np.ndarray:
+        """Commands that reach the plant, (N, 1 or substeps, nu), as the laws of commands among `placed` change them."""
+        if not any(p.effect.enters == "command" for p in placed):
+            return self.ctrl
+        inputs, substeps = self.simulator.commands, self.simulator.substeps
+        signal = inputs.signal(self.windows, self.windows.length * substeps)
+        given = inputs.given(placed, self.windows, signal)[0]
+        return self.flat(given.reshape(len(given), -1, substeps, given.shape[2]))
+
+    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
+        """One sample ahead of each state under `ctrl` (N, 1 or substeps, nu) and `force` (N, nv).
+
+        Args:
+            models: the plant at the time step, and where the step's error is extrapolated away, at half of it.
+        """
+        ends = [self._ahead(model, states, ctrl, force) for model in models]
+        after, readings = ends[0].after, ends[0].readings
+        if len(ends) > 1:  # Richardson: what half the step changes is added once more
+            after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
+        return Step(after, readings)
+
+    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
+        substeps = round(self.period / model.opt.timestep)
+        if ctrl.shape[1] > 1:
+            ctrl = np.repeat(ctrl, substeps // ctrl.shape[1], 1)
+        ctrl = ctrl[:, 0] if ctrl.shape[1] == 1 else ctrl
+        qpos, qvel, act, readings = self.simulator.advance(model, states.qpos, states.qvel, states.act, ctrl, force)
+        return Step(States(qpos, qvel, act), readings)
+
+    def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, ...]:
+        """`model`, and where nothing touches, the same at half its time step."""
+        if can_touch(self.model):
+            return (model,)
+        half = copy.copy(model)
+        half.opt.timestep /= 2
+        return model, half
+
+    def plant(self, placed: Sequence[Placed], theta: np.ndarray, states: States, tau: np.ndarray, doubt) -> "Plant":
+        """The plant of a hypothesis; laws that MuJoCo lacks act as they do along `states`.
+
+        Args:
+            tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv).
+        """
+        force = np.zeros((self.count, self.model.nv))
+        for law in placed:
+            force += force_of(self, law, states, tau, doubt)
+        model = self.model_of(placed, theta)
+        force += self._dry(model, states, doubt)
+        return Plant(self, self.at_steps(model), tuple(placed), self.commands(placed), force, states, tau)
+
+    def model_of(self, placed: Sequence[Placed], theta: np.ndarray) -> mujoco.MjModel:
+        """The model of a hypothesis, laws left out."""
+        return self.simulator.model(Hypothesis(theta, tuple(placed)))
+
+    def _dry(self, model: mujoco.MjModel, states: States, doubt: np.ndarray) -> np.ndarray:
+        """Take added dry friction out of `model`; returns it as a force, (N, nv), at the expected sign of the speed.
+
+        Exact friction has no derivative where it stops a joint, and a fit through its reversals never settles.
+        """
+        added = model.dof_frictionloss - self.model.dof_frictionloss
+        if not added.any():
+            return np.zeros_like(states.qvel)
+        for name in DRY:
+            getattr(model, name)[:] = getattr(self.model, name)
+        return -added * expected_sign(middle(self, states)[1], speed_doubt(self, states, doubt))
+
+    def next(self, states: States) -> States:
+        """The state of each row's next, of the last in each run its own."""
+        rows = np.minimum(np.arange(self.count) + ~self.last, self.count - 1)
+        return states[rows]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What a hypothesis makes of each sample: the model at its time steps, commands, and forces of laws (N, nv) along the
+    states `around`."""
+
+    track: Track
+    models: tuple[mujoco.MjModel, ...]
+    placed: tuple[Placed, ...]
+    ctrl: np.ndarray
+    force: np.ndarray
+    around: States
+    tau: np.ndarray
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model at its own time step."""
+        return self.models[0]
+
+    def step(self, states: States, tau: np.ndarray) -> Step:
+        """One sample ahead of each state with the missing force `tau` (N, nv)."""
+        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau)
+        readings = found.readings
+        for law in self.placed:
+            readings = reading_of(self.track, law, self.around, self.tau, readings)
+        return Step(found.after, readings)
+
+
+def refined(
+    recording: Recording, runs: Sequence[Run], begin: Callable, noise: np.ndarray, refine: int = 0
+) -> tuple[Track, States]:
+    """The track at a time step whose error moves no reading, and the states to begin with.
+
+    Args:
+        begin: of a track, the states that the measurements show. refine: parts of the model's step; 0: as many as needed.
+    """
+    if refine:
+        track = Track(Simulator(recording, refine), runs)
+        return track, begin(track)
+    refine, track, states = 1, None, None
+    while True:
+        finer = Track(Simulator(recording, refine), runs)
+        if finer.simulator.substeps < 2:
+            refine *= 2
+            continue
+        states = begin(finer) if states is None else states
+        if track is not None and _error(track, finer, states, noise) < DOUBT:
+            return track, states
+        track, refine = finer, 2 * refine
+        if refine > FINEST:
+            return track, states
+
+
+def _error(track: Track, finer: Track, states: States, noise: np.ndarray) -> float:
+    """By how much of what the model misses half the time step moves readings a sample later, root mean square."""
+    ends = []
+    for own in (track, finer):
+        plant = own.plant((), own.simulator.theta, states, np.zeros_like(states.qvel), np.ones_like(states.qvel))
+        after = plant.step(states, plant.tau).after
+        ends.append(plant.step(after, plant.tau).readings)
+    next_rows = np.flatnonzero(~track.last)
+    missed = ends[1][next_rows] - track.measured[next_rows + 1]
+    scale = np.sqrt(noise**2 + np.nanmedian(missed**2, axis=0))
+    off = (ends[1] - ends[0]) / scale
+    known = ~own.late & np.isfinite(off).all(0)
+    return float(np.sqrt(np.mean(np.minimum(off[:, known] ** 2, 1e12)))) if known.any() else 0.0
+
+
+def _whole(runs: Sequence[Run]) -> Windows:
+    longest = max(len(run.measured) for run in runs)
+    measured = np.full((len(runs), longest, runs[0].measured.shape[1]), np.nan)
+    for row, run in zip(measured, runs, strict=True):
+        row[: len(run.measured)] = run.measured
+    ctrl = np.array([run.ctrl[np.minimum(np.arange(2 * longest), len(run.ctrl) - 1)] for run in runs])
+    zeros = np.zeros(len(runs), int)
+    return Windows(np.arange(len(runs)), zeros, measured, ctrl, tuple(run.name for run in runs))
