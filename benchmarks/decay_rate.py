@@ -7,12 +7,13 @@ Of one hinge and its angle. The rate is that of viscous friction which would los
 go from the state fitted to them.
 """
 
-import dataclasses
-
 import numpy as np
 from diagnosed import told
 
-from fimpact.mismatch.judge import bench, settle
+from fimpact.diagnosis.proof import starts_of
+from fimpact.simulation.horizon import predict_windows
+from fimpact.simulation.windows import cut
+from fimpact.smoothing.prepare import prepare
 
 
 def speeds(angle: np.ndarray, period: float) -> np.ndarray:
@@ -48,16 +49,16 @@ def main() -> None:
     recording, tried, options = told(__doc__, window=(8.0, "s"))
     if len(recording.channels) != 1:
         raise SystemExit(f"one angle must be measured, got {', '.join(recording.channels)}")
-    made = bench(dataclasses.replace(recording, window=options.window))
-    problems = made.training, made.held_out
-    recorded = np.concatenate([p.windows.measured[:, :, 0] for p in problems])
+    prepared, runs = prepare(recording), (*recording.training, *recording.held_out)
+    simulator = prepared.track.simulator
+    starts = starts_of(recording, runs, prepared.noise, simulator)
+    windows = cut(runs, round(options.window / recording.period))
+    recorded = windows.measured[:, :, 0]
     a, b = potential(recorded, recording.period)
     columns = {"recorded": rates(recorded, recording.period, a, b)}
     for label, hypothesis in tried.items():
-        points = [settle(p, hypothesis).point for p in problems]
-        paired = zip(problems, points, strict=True)
-        angles = [p.simulator.predict(hypothesis, p.windows, q.qpos, q.qvel)[:, :, 0] for p, q in paired]
-        columns[label] = rates(np.concatenate(angles), recording.period, a, b)
+        angles = predict_windows(simulator, hypothesis, windows, starts, prepared.noise)[0][:, :, 0]
+        columns[label] = rates(angles, recording.period, a, b)
     for k, swing in enumerate(np.ptp(recorded, axis=1) / 2):
         print(f"{swing:.2f} rad: " + ", ".join(f"{label} {rate[k]:.4f}" for label, rate in columns.items()))
 

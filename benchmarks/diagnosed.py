@@ -9,8 +9,8 @@ import numpy as np
 from fimpact.cases import read_case
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.mismatch.simulate import Hypothesis
 from fimpact.recordings import Recording
+from fimpact.simulation.simulator import Hypothesis
 
 
 def told(doc: str, **numbers: tuple[float, str]) -> tuple[Recording, dict[str, Hypothesis], argparse.Namespace]:
@@ -27,20 +27,19 @@ def told(doc: str, **numbers: tuple[float, str]) -> tuple[Recording, dict[str, H
         parser.add_argument(f"--{name}", type=float, default=default, help=unit)
     options = parser.parse_args()
     recording = read_case(options.case, options.data)
-    return recording, hypotheses(json.loads(options.diagnosis.read_text()), len(recording.unknowns)), options
+    return recording, hypotheses(json.loads(options.diagnosis.read_text(encoding="utf-8")), recording), options
 
 
-def hypotheses(diagnosis: dict, count: int) -> dict[str, Hypothesis]:
-    """The naive fit and the answer of a diagnosis whose recording has `count` unknowns."""
-    own, rest = diagnosis["parameters"][:count], diagnosis["parameters"][count:]
-    values: dict[str, dict[str, float]] = {}
-    for row in rest:
-        values.setdefault(row["of"], {})[row["name"]] = row["after"]
-    placed = []
-    for name, fitted in values.items():
-        effect, _, site = name.partition("@")
-        placed.append(Placed(EFFECTS[effect], site, EFFECTS[effect].neutral | fitted))
-    return {
-        "naive fit": Hypothesis(np.array([row["naive"] for row in own])),
-        "answer": Hypothesis(np.array([row["after"] for row in own]), tuple(placed)),
-    }
+def hypotheses(diagnosis: dict, recording: Recording) -> dict[str, Hypothesis]:
+    """The naive fit and the answer of a diagnosis of `recording`."""
+    rows = {row["of"]: row for row in diagnosis["parameters"]}
+    theta = {when: np.array([rows[u.name][when] for u in recording.unknowns]) for when in ("before", "after")}
+    members = diagnosis.get("members") or [{}]
+    placed = tuple(_placed(name, values) for name, values in members[0].items())
+    return {"naive fit": Hypothesis(theta["before"]), "answer": Hypothesis(theta["after"], placed)}
+
+
+def _placed(name: str, values: dict[str, float | None]) -> Placed:
+    effect, _, site = name.partition("@")
+    known = {key: value for key, value in values.items() if value is not None}  # None: infinite, as it is by itself
+    return Placed(EFFECTS[effect], site, EFFECTS[effect].neutral | known)

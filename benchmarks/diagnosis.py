@@ -1,56 +1,78 @@
-"""How long a diagnosis takes by this code, as a ratio to that of an earlier commit, of seconds of one processor.
+"""How long a diagnosis takes, in quanta: forward simulations of all training data at the step that is simulated with.
 
-python benchmarks/diagnosis.py COMMIT RECORDINGS [CASES]
+python benchmarks/diagnosis.py CASE.yaml ... [--data FOLDER]
 
-RECORDINGS is the folder `recordings` of a blind benchmark (`snakemake concealed`), of which CASES (12) are drawn. Each
-is diagnosed by either code in a process of its own, one right after the other: a computer's pace changes by the hour.
+A line for each case: the quantum, then the naive smoothing, one screening of the whole catalogue and the whole
+diagnosis, each in seconds and quanta. A computer's pace changes by the hour; a quantum changes with it.
 """
 
 import argparse
-import os
-import random
-import subprocess
-import sys
-import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-ROOT = Path(__file__).parents[1]
-DIAGNOSE = """
-import sys, time
-from pathlib import Path
-from fimpact.concealed.archive import load_recording
-from fimpact.mismatch.diagnose import diagnose
-recording = load_recording(Path(sys.argv[1]), sys.argv[2])
-begun = time.process_time()
-diagnose(recording)
-print(time.process_time() - begun)
-"""
+import numpy as np
+
+from fimpact.cases import read_case
+from fimpact.diagnosis.pipeline import diagnose
+from fimpact.effects import EFFECTS
+from fimpact.recordings import Recording
+from fimpact.selection.options import options
+from fimpact.selection.regression import Regression
+from fimpact.selection.search import search
+from fimpact.simulation.simulator import Hypothesis
+from fimpact.smoothing.columns import candidates, columns, motion_scales
+from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.smoother import Smoothed, smooth
+
+TURNS = 5
 
 
-def seconds(source: Path, case: Path) -> float:
-    """Of the processor, for the diagnosis of `case` by the package in the folder `source`."""
-    alone = os.environ | {"PYTHONPATH": str(source), "OMP_NUM_THREADS": "1"}
-    ran = [sys.executable, "-c", DIAGNOSE, str(case.parent), case.name]
-    return float(subprocess.run(ran, env=alone, capture_output=True, text=True, check=True).stdout.split()[-1])
+def timed(work: Callable[[], Any]) -> tuple[float, Any]:
+    """Seconds that `work` takes, and what it returns."""
+    begun = time.perf_counter()
+    done = work()
+    return time.perf_counter() - begun, done
+
+
+def quantum(prepared: Prepared) -> float:
+    """Seconds of one simulation of all training data; the quickest counts, what else is done only ever adds."""
+    track, states = prepared.track, prepared.begun
+    model = track.simulator.model(Hypothesis(track.simulator.theta))
+    given = states.qpos, states.qvel, states.act, track.ctrl[:, 0], np.zeros_like(states.qvel)
+    return min(timed(lambda: track.simulator.advance(model, *given))[0] for _ in range(TURNS))
+
+
+def screened(smoothed: Smoothed) -> None:
+    """One round of the search: every effect at every place, and every class of places."""
+    track = smoothed.track
+    tried = candidates(list(EFFECTS.values()), track, motion_scales(smoothed))
+    offered = options(track.model, track.recording.channels, tried)
+    search(Regression(smoothed, columns(smoothed, tried)), offered, (smoothed.tau**2).sum(0), 0.0)
+
+
+def stages(recording: Recording) -> tuple[float, dict[str, float]]:
+    """The quantum, s, and seconds of each stage."""
+    prepared = prepare(recording)
+    unit = quantum(prepared)
+    found = {}
+    found["smoothing"], naive = timed(lambda: smooth(prepared.track, prepared.begun, prepared.noise))
+    found["screening"], _ = timed(lambda: screened(naive))
+    found["whole"], _ = timed(lambda: diagnose(recording))
+    return unit, found
 
 
 def main() -> None:
-    """A line for each case, and the ratio over all."""
+    """A line for each case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("commit")
-    parser.add_argument("recordings", type=Path)
-    parser.add_argument("cases", nargs="?", type=int, default=12)
+    parser.add_argument("cases", nargs="+", type=Path)
+    parser.add_argument("--data", type=Path)
     given = parser.parse_args()
-    found = sorted(path for path in given.recordings.glob("*/*") if path.is_dir())
-    with tempfile.TemporaryDirectory() as folder:
-        tree = subprocess.run(["git", "archive", given.commit, "src"], cwd=ROOT, capture_output=True, check=True).stdout
-        subprocess.run(["tar", "x", "-C", folder], input=tree, check=True)
-        total = [0.0, 0.0]
-        for case in random.Random(0).sample(found, min(given.cases, len(found))):
-            took = [seconds(Path(folder) / "src", case), seconds(ROOT / "src", case)]
-            total = [sum(pair) for pair in zip(total, took, strict=True)]
-            print(f"{case.name}: {took[0]:.1f} s then, {took[1]:.1f} s now", flush=True)
-    print(f"all: {total[1] / total[0]:.2f} of {total[0]:.0f} s")
+    for case in given.cases:
+        unit, found = stages(read_case(case, given.data))
+        told = ", ".join(f"{stage} {taken:.1f} s ({taken / unit:.0f})" for stage, taken in found.items())
+        print(f"{case.stem}: quantum {1e3 * unit:.1f} ms, {told}", flush=True)
 
 
 if __name__ == "__main__":

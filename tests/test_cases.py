@@ -36,7 +36,7 @@ from fimpact.cases.readers import read_table
 from fimpact.cases.timebase import Series, held, on_grid
 from fimpact.cases.units import factor
 from fimpact.cli import main
-from fimpact.mismatch.starts import noise_level
+from fimpact.simulation.starts import noise_level
 
 ROOT = Path(__file__).parents[1]
 RECORDINGS = ROOT.parent / "shared" / "recordings"

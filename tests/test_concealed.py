@@ -44,8 +44,8 @@ def written(folder, case):
     return folder / "recordings", folder / "sealed"
 
 
-def test_every_catalogue_entry_is_planted_where_it_can_sit():
-    assert set(plants.PLANTS) == set(EFFECTS)
+def test_every_plant_is_of_the_catalogue_and_sits_where_it_can():
+    assert set(plants.PLANTS) <= set(EFFECTS)
     for name, entry in plants.PLANTS.items():
         for rig, places in entry.sites.items():
             allowed = EFFECTS[name].sites(RIGS[rig].naive, RIGS[rig].channels)

@@ -14,10 +14,10 @@ from fimpact.concealed import measures
 from fimpact.concealed.confusion import named
 from fimpact.concealed.figures import APART, FIGURES, _bins
 from fimpact.concealed.lines import Measure, average, coverage, share
-from fimpact.concealed.places import mode_claimed, places
+from fimpact.concealed.places import places
 from fimpact.concealed.plan import case_names, compared, plan
 from fimpact.concealed.rigs import RIGS
-from fimpact.concealed.rows import as_lines, each, read_rows, runs_of
+from fimpact.concealed.rows import as_lines, each, held_out_error, read_rows, runs_of
 from fimpact.concealed.score import COLUMNS, gather, score_case, size_of
 from fimpact.concealed.truth import Planted, Truth
 
@@ -177,6 +177,12 @@ def test_the_comparators_run_on_the_stated_share():
     assert set(compared(SETTINGS, "refitted")) < set(compared(SETTINGS))
 
 
+def test_a_share_of_the_cases_is_the_first_of_the_same():
+    some = SETTINGS | {"share": 0.5}
+    assert plan(some) == plan(SETTINGS)[:7] and case_names(some) == case_names(SETTINGS)[:7]
+    assert compared(some) == sorted(set(compared(SETTINGS)) & set(case_names(some)))
+
+
 def test_a_failed_case_is_a_row(tmp_path):
     def work(case):
         if case == "2":
@@ -214,10 +220,10 @@ def test_places_are_the_same_whatever_names_them():
     assert places(rig.naive, rig.channels, "world") == places(rig.naive, rig.channels, "all") == set()
 
 
-def test_a_mode_is_claimed_where_free_motion_is_clean():
-    assert mode_claimed({"free": 0.1, "impact": 2.0, "contact": 1.0}) == "contact"
-    assert mode_claimed({"free": 1.0, "impact": 2.0}) == "any"
-    assert mode_claimed({"free": 1.0}) == ""
+def test_held_out_errors_are_in_standard_deviations_of_the_noise():
+    runs = [{"noise_floor": 2.0, "error_naive": 2.0, "error_improved": None}, {"noise_floor": 1.0, "error_naive": 7.0}]
+    assert held_out_error(runs, "naive") == 5.0 and held_out_error([], "naive") is None
+    assert held_out_error(runs[:1], "improved") == np.inf
 
 
 COULOMB = Planted("coulomb", "joint_2", {"friction": 0.05}, 40.0, 0.95, 0.9, "free")
@@ -236,11 +242,12 @@ def recording(monkeypatch):
 
 
 def answer(best: str, *others: str, **more) -> dict:
-    row = {"status": "done", "answer": best, "answer_set": [best, *others], "confidence": {best: 0.9}}
-    interval = {"of": "coulomb@joint_2", "name": "friction", "low": 0.04, "high": 0.06}
-    location = {"places": [{"name": "joint_2"}], "modes": {"free": 1.0}}
-    evidence = {"before": 2.0, "after": 1.1, "noise_floor": 1.0}
-    rest = {"parameters": [interval], "location": location, "evidence": evidence, "seconds": {"fitting": 2.0}}
+    row = {"status": "done", "answer": best, "answer_set": [best, *others], "confidence": 0.9, "acts_in": "any"}
+    interval = {"name": "friction", "unit": "N m", "value": 0.05, "low": 0.04, "high": 0.06}
+    effect = {"name": "coulomb@joint_2", "coefficients": [interval]}
+    missing = [{"joint": f"joint_{i}", "naive": size, "applied": 1.0} for i, size in ((1, 0.1), (2, 0.2))]
+    runs = [{"run": "a", "noise_floor": 0.5, "error_naive": 1.0, "error_improved": 0.55}]
+    rest = {"effects": [effect], "missing_force": missing, "held_out": {"runs": runs}, "seconds": {"fitting": 2.0}}
     return {"diagnosis": row | rest | more}
 
 
@@ -250,17 +257,14 @@ def test_a_right_answer_scores(recording):
     assert (row["planted"], row["site"], row["size"]) == ("coulomb", "joint_2", "0.05")
     assert row["detected"] and row["right"] and row["in_set"] and row["located"] and row["place_right"]
     assert (row["covered"], row["intervals"], row["confidence"], row["seconds"]) == (1, 1, 0.9, 2.0)
+    assert (row["heldout_before"], row["heldout_after"], row["noise_floor"]) == (2.0, 1.1, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("acts", "mode", "right"), [("contact", "contact", False), ("any", "any", True), (None, "contact", False)]
-)
-def test_the_contact_mode_is_that_of_the_name_or_else_of_the_residual(recording, acts, mode, right):
-    modes = {"free": 0.1, "impact": 2.0}
-    found = answer("coulomb@joint_2", location={"places": [], "modes": modes}, acts_in=acts)
+@pytest.mark.parametrize(("acts", "right"), [("contact", False), ("any", True), (None, None)])
+def test_the_contact_mode_is_that_of_the_name(recording, acts, right):
     planted = Planted("coulomb", "joint_2", {"friction": 0.05}, 100.0, 0.95, 0.9, "any")
-    row = score_case("01", truth("single", (planted,)), recording, found)
-    assert (row["mode"], row["mode_right"]) == (mode, right)
+    row = score_case("01", truth("single", (planted,)), recording, answer("coulomb@joint_2", acts_in=acts))
+    assert (row["mode"], row["mode_right"]) == (acts, right)
 
 
 def test_a_wrong_name_at_the_right_place_is_located(recording):
@@ -269,7 +273,7 @@ def test_a_wrong_name_at_the_right_place_is_located(recording):
     assert row["covered"] is None
 
 
-def test_unnamed_is_located_by_the_residual(recording):
+def test_unnamed_is_located_by_the_missing_force(recording):
     magnet = Planted("magnet", "link_3", {"force": 1.0}, 40.0, 0.95, 0.9, "free")
     row = score_case("01", truth("outside", (magnet,)), recording, answer("unnamed"))
     assert row["detected"] and row["located"] is False

@@ -175,6 +175,7 @@ def test_the_shipped_benchmarks_are_valid():
         ("lambda: {single: [30, 3]}", ["concealed.lambda.single is [30, 3]", "swap them"]),
         ("lambda: {single: [0, 3]}", ["concealed.lambda.single[0] is 0", "greater than 0"]),
         ("compared: 2", ["concealed.compared is 2", "at most 1"]),
+        ("share: 0", ["concealed.share is 0", "greater than 0"]),
         ("refitted: 0.5", ["concealed.refitted is 0.5", "at most concealed.compared, 0.3333"]),
         ("gathered: some", ["concealed.gathered is 'some'", "all, scored"]),
         ("results: out/", ["concealed.results is 'out/'", "without a slash at its end"]),

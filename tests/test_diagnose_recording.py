@@ -4,19 +4,19 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
+from diagnosed import diagnosis_of
+from recorded import ROD, rod
 from test_cases import RECORDINGS, ROOT, write_csv
-from test_model import XML, diagnosis_of, record
 
 from fimpact.cases import read_case
 from fimpact.cli import main
 from fimpact.diagnose_recording import diagnose_recording
-from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed
-from fimpact.mismatch.model import check_model, write_model
+from fimpact.report import write_report
 
 CASE = {
     "model": "rod.xml",
@@ -24,21 +24,21 @@ CASE = {
     "runs": [{"file": "a.csv"}, {"file": "b.csv"}, {"file": "c.csv", "held_out": True}],
     "commands": {"motor": {"column": "u", "unit": "N m"}},
     "measurements": {"angle": {"column": "q", "unit": "rad"}},
-    "unknowns": [{"field": "mass", "site": "rod", "sd": 0.2}],
-    "window": 0.2,
+    "unknowns": [{"field": "mass", "site": "rod", "sd": 0.3}, {"field": "damping", "site": "pivot", "sd": 0.5}],
+    "window": 0.5,
 }
 
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory) -> Path:
-    """A small case: a pendulum with a dry pivot, three runs of 0.4 s."""
+    """A small case: a rod with a dry pivot, three runs of 4 s."""
     folder = tmp_path_factory.mktemp("rod")
-    recording = record(0.02)
-    for name, run in zip("abc", recording.runs[2:], strict=False):
+    recording = rod(0.03, free=True)
+    for name, run in zip("abc", recording.runs, strict=True):
         rows = range(len(run.measured))
         time = [f"{k * recording.period:.2f}" for k in rows]
         write_csv(folder / f"{name}.csv", {"t": time, "u": run.ctrl[:, 0].tolist(), "q": run.measured[:, 0].tolist()})
-    (folder / "rod.xml").write_text(XML)
+    (folder / "rod.xml").write_text(ROD)
     (folder / "case.yaml").write_text(yaml.safe_dump(CASE))
     return folder / "case.yaml"
 
@@ -50,10 +50,12 @@ def test_the_same_case_gives_the_same_bytes_in_another_process(case, tmp_path, m
     command = [sys.executable, "-m", "fimpact.cli", "diagnose", str(case), "--out", str(other)]
     done = subprocess.run(command, env=os.environ | {"PYTHONHASHSEED": "1"}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    files = {path.relative_to(one) for path in one.rglob("*") if path.is_file()}
+    timing = json.loads((one / "timing.json").read_text())
+    assert 0 < timing["seconds"] < timing["seconds_with_page"]
+    files = {path.relative_to(one) for path in one.rglob("*") if path.is_file()} - {Path("timing.json")}
     assert not list(one.rglob("__pycache__"))
     assert {Path(name) for name in ("diagnosis.json", "report.html", "figures/motion.gif", "improved.xml")} <= files
-    assert files == {path.relative_to(other) for path in other.rglob("*") if path.is_file()}
+    assert files == {path.relative_to(other) for path in other.rglob("*") if path.is_file()} - {Path("timing.json")}
     for name in files:
         assert (one / name).read_bytes() == (other / name).read_bytes(), name
 
@@ -80,24 +82,38 @@ assert np.isfinite(data.qpos).all()
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"the measured recordings are not there: {RECORDINGS}")
 def test_the_improved_model_of_a_rig_needs_plain_mujoco_only(tmp_path):
     recording = read_case(ROOT / "config" / "recordings" / "ball_drops.yaml", RECORDINGS)
-    diagnosis = diagnosis_of(recording, Placed(EFFECTS["linear_drag"], "ball", {"coefficient": 0.01}))
-    assert diagnosis.evidence.after < 0.5 * diagnosis.evidence.before
-    written = write_model(diagnosis, tmp_path)
-    assert tmp_path / "improved.xml" in written.files
-    assert check_model(diagnosis, tmp_path) < 0.02
-    subprocess.run([sys.executable, "-c", PLAIN], cwd=tmp_path, check=True)
+    diagnosis = diagnosis_of(recording, ("linear_drag@ball",))
+    (row,) = diagnosis.proof.runs
+    assert row["error_improved"] < 0.5 * row["error_naive"]
+    page = write_report(diagnosis, tmp_path / "page", provenance={})
+    model = json.loads((page.parent / "diagnosis.json").read_text())["model"]
+    assert "improved.xml" in model["files"] and model["difference"] < 0.02
+    subprocess.run([sys.executable, "-c", PLAIN], cwd=page.parent, check=True)
 
 
 def test_effects_that_are_insisted_on_are_fitted_and_no_others(case, tmp_path, capsys):
-    code = main(["fit", str(case), "coulomb@pivot", "viscous@pivot", "-o", str(tmp_path / "fit.json")])
+    code = main(["fit", str(case), "coulomb@pivot", "rotor_inertia@pivot", "-o", str(tmp_path / "fit.json")])
     said = capsys.readouterr().out.splitlines()
     found = json.loads((tmp_path / "fit.json").read_text())
-    mass, friction, damping = found["parameters"]
-    assert code == 0 and [row["of"] for row in found["parameters"]] == ["mass@rod", "coulomb@pivot", "viscous@pivot"]
-    # The robot is damped less than its model, which no further damping mends, and less dry friction partly does.
-    assert mass["low"] < 0.3 < mass["high"] and 0.005 < friction["after"] < 0.02 and damping["after"] == 0
-    assert found["evidence"]["improvement"] > 0.5
-    assert [line.partition(" ")[0] for line in said] == ["mass", "coulomb", "viscous", "held-out"]
+    assert code == 0 and [row["of"] for row in found["parameters"]] == [
+        "mass@rod", "damping@pivot", "coulomb@pivot", "rotor_inertia@pivot",
+    ]  # fmt: skip
+    mass, damping, friction, _ = found["parameters"]
+    assert mass["low"] < 0.3 < mass["high"] and friction["after"] == pytest.approx(0.03, rel=0.03)
+    assert damping["naive"] != damping["after"] == pytest.approx(0.02, rel=0.1)
+    (run,) = found["held_out"]["runs"]
+    assert run["error_improved"] < 0.6 * run["error_naive"]
+    assert [line.partition(" ")[0] for line in said] == ["mass", "damping", "coulomb", "rotor", "held-out"]
+
+
+def test_fit_and_diagnose_have_the_same_naive_error(case, tmp_path, capsys):
+    main(["fit", str(case), "coulomb@pivot", "-o", str(tmp_path / "fit.json")])
+    fitted = json.loads((tmp_path / "fit.json").read_text())["held_out"]
+    proof = diagnosis_of(read_case(case), ("coulomb@pivot",)).proof
+    assert (
+        fitted["unit"] == proof.unit and f"naive fit: {proof.runs[0]['error_naive']:.3g} rad" in capsys.readouterr().out
+    )
+    assert fitted["runs"][0]["error_naive"] == pytest.approx(proof.runs[0]["error_naive"], rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -117,7 +133,10 @@ def test_what_cannot_be_insisted_on_is_said_in_a_line(case, capsys, names, compl
     assert complaint in said.err and said.err.count("\n") == 1 and not said.out
 
 
-def test_what_no_training_run_shows_is_not_insisted_on(case, capsys, monkeypatch):
-    monkeypatch.setattr("fimpact.fit_recording.insisted", lambda made, naive, places: naive)
+def test_a_fit_that_does_not_converge_is_not_used_as_if_it_had(case, capsys, monkeypatch):
+    from fimpact import fit_recording as module
+
+    fitted = module.fit_forced
+    monkeypatch.setattr(module, "fit_forced", lambda *given: replace(fitted(*given), converged=False))
     assert main(["fit", str(case), "coulomb@pivot"]) == 2
-    assert "coulomb@pivot: the training runs" in capsys.readouterr().err
+    assert "the fit with coulomb@pivot does not converge" in capsys.readouterr().err

@@ -16,7 +16,7 @@ from fimpact.effects.gears import Shaft, coupled, encoders
 from fimpact.effects.masses import second_moments
 from fimpact.effects.native import editable
 from fimpact.effects.sensing import interpolate
-from fimpact.mismatch.callback import Bundle
+from fimpact.export.callback import SourceBundle
 
 # An arm in a vertical plane whose tip strikes the ground, its first link hanging on a mirror-imaged axis.
 ARM = """
@@ -804,7 +804,7 @@ def test_laws_without_native_fields_stand_alone():
     model = RIGS["arm"].model()
     for effect in (e for e in EFFECTS.values() if e.export is None):
         site = effect.sites(model, ARM_CHANNELS)[-1]
-        values, bundle, scope = effect.probes(scales("arm"), model, site)[0], Bundle({}), {}
+        values, bundle, scope = effect.probes(scales("arm"), model, site)[0], SourceBundle({}), {}
         name = bundle.add(effect.law)
         assert not any("fimpact" in line or "scipy" in line for line in bundle.imports)
         exec(bundle.text(), scope)

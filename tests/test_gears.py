@@ -13,9 +13,9 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed, State
 from fimpact.effects.drives import servo_force
 from fimpact.effects.gears import Shaft, elastic, loose
-from fimpact.mismatch.simulate import Hypothesis, Simulator
-from fimpact.mismatch.windows import cut
 from fimpact.recordings import Recording, Run
+from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.windows import cut
 
 ROTOR, PERIOD = 0.004, 0.005
 XML = f"""

@@ -11,8 +11,7 @@ from fimpact.cases.names import unit
 from fimpact.cases.timebase import Series, on_grid
 from fimpact.cli import main
 from fimpact.effects import EFFECTS
-from fimpact.mismatch.judge import bench
-from fimpact.mismatch.starts import noise_level
+from fimpact.simulation.starts import noise_level
 
 
 @pytest.mark.parametrize("low", [-np.pi, 0.0])
@@ -98,8 +97,7 @@ def test_a_short_stretch_between_gaps_is_left_out(tmp_path):
     recording = read_case(write_case_of(tmp_path, case, MODEL))
     opening, later = recording.training
     assert opening.qpos[0] == 0.5 and later.qpos is None
-    held = bench(recording).training.start_weight[:, 0] > 1
-    assert held[0] and not held[1:].any()
+    assert opening.opens and not later.opens and recording.start_sd[0] == pytest.approx(0.01)
     bursts = np.concatenate([np.arange(k, k + 16) for k in range(0, 700, 28)])
     write_csv(tmp_path / "b.csv", {k: v[bursts] for k, v in motion(2).items()})
     with pytest.raises(CaseError, match="the longest part between them has 16 samples"):

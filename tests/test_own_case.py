@@ -9,7 +9,7 @@ import pytest
 from fimpact.cli import main
 from fimpact.effects import EFFECTS
 from fimpact.effects.own import load_effects
-from fimpact.mismatch.callback import Bundle
+from fimpact.export.callback import SourceBundle
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 
@@ -35,13 +35,13 @@ def test_the_example_finds_the_friction_that_it_hides(made):
     found = json.loads((made / "diagnosis.json").read_text())
     assert found["answer"] == "coulomb@shoulder" and found["runs"] == ["monday", "tuesday"]
     assert [list(member) for member in found["members"]] == [["coulomb@shoulder"]]
-    row = next(r for r in found["parameters"] if r["of"] == "coulomb@shoulder")
-    assert row["after"] == pytest.approx(0.03, rel=0.02)
+    (effect,) = found["effects"]
+    assert effect["tier"] == "certain" and effect["coefficients"][0]["value"] == pytest.approx(0.03, rel=0.02)
     assert f"\n{found['verdict']}\n" in README
 
 
 def test_the_example_leaves_a_page_and_a_better_model(made):
-    assert {"report.html", "diagnosis.json", "improved.xml"} <= {path.name for path in made.iterdir()}
+    assert {"report.html", "diagnosis.json", "timing.json", "improved.xml"} <= {path.name for path in made.iterdir()}
     assert "frictionloss" in (made / "improved.xml").read_text()
 
 
@@ -60,7 +60,7 @@ def test_an_effect_of_ones_own_is_a_function_and_a_registry_line(catalogue, tmp_
     (tmp_path / "magnet.py").write_text("def reach(position):\n    return (position / 0.05) ** 2\n\n\n" + shared)
     assert load_effects(tmp_path / "magnet.py") == ["magnet"]
     assert main(["effects"]) == 0 and "magnet  " in capsys.readouterr().out
-    bundle = Bundle({})
+    bundle = SourceBundle({})
     assert bundle.add(catalogue["magnet"].law) == "magnet" and "(position / 0.05) ** 2" in bundle.text()
 
 

@@ -4,7 +4,7 @@ import mujoco
 import pytest
 
 from fimpact import quiet
-from fimpact.mismatch import simulate  # noqa: F401  (it is what hushes)
+from fimpact.simulation import simulator  # noqa: F401  (it is what hushes)
 
 XML = "<mujoco><worldbody><body><joint type='slide'/><geom size='0.1' mass='1'/></body></worldbody></mujoco>"
 

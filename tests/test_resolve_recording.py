@@ -5,9 +5,9 @@ import shutil
 
 import pytest
 import yaml
+from recorded import ROD, record, waves
 from test_cases import write_csv
 from test_diagnose_recording import CASE
-from test_model import XML, record
 
 from fimpact.cases import inputs
 from fimpact.cli import main
@@ -21,10 +21,12 @@ NEW = {"file": "d.csv"}
 def folder(tmp_path_factory):
     """A pendulum with a dry pivot in four logs, of which the diagnosis knew three."""
     folder = tmp_path_factory.mktemp("rod")
-    for name, run in zip("abcd", record(0.02).runs[2:], strict=True):
+    commands = [waves(400, [0.5], seed) for seed in range(4)]
+    recording = record(ROD, ("angle",), commands, 1e-3, lambda model: model.dof_frictionloss.__setitem__(0, 0.02))
+    for name, run in zip("abcd", recording.runs, strict=True):
         time = [f"{k * 0.01:.2f}" for k in range(len(run.measured))]
         write_csv(folder / f"{name}.csv", {"t": time, "u": run.ctrl[:, 0].tolist(), "q": run.measured[:, 0].tolist()})
-    (folder / "rod.xml").write_text(XML)
+    (folder / "rod.xml").write_text(ROD)
     return folder
 
 
@@ -35,7 +37,7 @@ def asked(folder, capsys):
     def asked(runs=(NEW,), members=MEMBERS, **spoiled):
         (folder / "case.yaml").write_text(yaml.safe_dump(CASE))
         told = {"answer": "viscous@pivot", "members": members, "runs": ["a", "b", "c"]}
-        told["parameters"] = [{"naive": 1.0, "after": 1.0}]
+        told["parameters"] = [{"of": "mass@rod", "after": 0.3}, {"of": "damping@pivot", "after": 0.02}]
         told["provenance"] = describe_inputs(inputs(folder / "case.yaml"))
         (folder / "page").mkdir(exist_ok=True)
         (folder / "page" / "diagnosis.json").write_text(json.dumps(told | spoiled))

@@ -8,15 +8,14 @@ from contextlib import contextmanager
 import numpy as np
 import pandas as pd
 
-from fimpact.knobs import Knobs, freed, freed_knobs, own_knobs
-from fimpact.mismatch.explain import naive_fit
-from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, again, bench, correct, settle
-from fimpact.mismatch.per_run import error_per_run, unit_of
-from fimpact.mismatch.problem import Problem
-from fimpact.mismatch.simulate import Hypothesis
-from fimpact.peers import fit_sysid, judge_black_box
+from fimpact.diagnosis.freed import freed
+from fimpact.diagnosis.proof import prove
+from fimpact.knobs import freed_knobs, own_knobs
+from fimpact.peers import black_box, fit_sysid
 from fimpact.recordings import Recording
+from fimpact.simulation.simulator import Hypothesis
+from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.smoother import smooth
 
 COLUMNS = ("peer", "run", "error", "unit", "seconds", "status")
 DONE = "done"
@@ -77,27 +76,28 @@ def at_most(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _sysid(recording: Recording, knobs: Callable[[Problem], Knobs] = own_knobs):
-    made = bench(recording)
-    own = knobs(made.training)
-    _, theta = fit_sysid(made.training, own)
-    # Judged without the time step's error, it is fitted without it too, as our own model is.
-    correct(made, made.training, settle(made.training, Hypothesis(theta)).point)
-    _, theta = fit_sysid(made.training, own, theta)
-    return _judged(made, settle(made.held_out, Hypothesis(theta)))
+def _sysid(recording: Recording):
+    prepared = prepare(recording)
+    return _judged(prepared, Hypothesis(fit_sysid(prepared, own_knobs(prepared))[1]))
 
 
 def _sysid_freed(recording: Recording):
-    return _sysid(freed(recording), freed_knobs)
+    prepared = prepare(freed(recording))
+    return _judged(prepared, Hypothesis(fit_sysid(prepared, freed_knobs(prepared))[1]))
 
 
 def _blackbox(recording: Recording):
-    made = bench(recording)
-    return _judged(made, judge_black_box(made, naive_fit(made)))
+    prepared = prepare(recording)
+    naive = smooth(prepared.track, prepared.begun, prepared.noise)
+    return _judged(prepared, black_box(naive))
 
 
-def _judged(made: Bench, judged: Fit) -> tuple[str, dict[str, float]]:
-    return unit_of(made), error_per_run(made, again(made, made.held_out, judged))
+def _judged(prepared: Prepared, hypothesis: Hypothesis) -> tuple[str, dict[str, float]]:
+    """The unit, and the error of each held-out run."""
+    proof = prove(prepared, {"peer": (prepared.track.simulator, hypothesis)})
+    if proof is None:
+        return "", {}
+    return proof.unit, {row["run"]: np.nan if row["error_peer"] is None else row["error_peer"] for row in proof.runs}
 
 
 PEERS = {"sysid": _sysid, "sysid_freed": _sysid_freed, "blackbox": _blackbox}

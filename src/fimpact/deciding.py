@@ -4,7 +4,7 @@
 TRUST = 2.0  # a parameter moves by at most this factor in a step: its column is a tangent
 FALL = 5.0  # noise levels fall or rise by at most this factor in a step (METHOD 8: freed at once they fall to nothing)
 STILL = 0.05  # a fit has converged where its next step moves no reading by more than this share of its noise, and no number by more of its sd
-ROUNDS = 12  # steps of a fit at most; what is not still then is never used as if it were
+ROUNDS = 20  # steps of a fit at most; what is not still then is never used as if it were
 LOUDER = (30.0, 15.0, 8.0, 4.0, 2.0)  # sensors of force and acceleration are brought in by lowering their noise (METHOD 2)
 SWITCH = 2  # samples before and after a contact begins or ends that belong to neither mode
 DOUBT = 0.1  # of a reading's noise: error of the time step from which it is halved
@@ -18,7 +18,7 @@ REFINES = 0.10  # of what is left at its place: least share of a small refinemen
 FOLDS = 5  # of blocked validation
 STRETCHES = 10  # least number of stretches from which a spread is estimated
 BELIEF = 2.0  # prior standard deviations: an amplitude further out stands for something else (METHOD 6)
-Z95 = 1.959964  # 95 % intervals
+CONFIDENCE = 0.95  # of intervals
 
 # What is said
 FLOOR = 1.2  # times the floor: held-out error up to which nothing is missing

@@ -1,14 +1,17 @@
 """Diagnose one case: from its file to its page. The command line and the workflow both do this and no more."""
 
+import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from fimpact.cases import inputs, read_case
+from fimpact.diagnosis.pipeline import Diagnosis, diagnose
 from fimpact.effects.own import load_effects
-from fimpact.experiment import next_experiment
-from fimpact.mismatch.diagnose import Diagnosis, diagnose
+from fimpact.experiments.described import next_experiment
 from fimpact.report import check_folder, write_report
-from fimpact.report_contents import describe_inputs
+from fimpact.report_contents import TIMING, describe_inputs
+from fimpact.tables import write_text
 
 
 def diagnose_recording(
@@ -19,6 +22,8 @@ def diagnose_recording(
     effects: Path | str | None = None,
 ) -> tuple[Diagnosis, Path]:
     """Read `case`, diagnose it, and write the page and all that belongs to it to `folder`.
+
+    What differs from one time to the next, `timing.json`, is kept apart from what does not.
 
     Args:
         data: folder of the data files; None: the one that the case names.
@@ -38,9 +43,14 @@ def diagnose_recording(
         progress(f"adding {', '.join(load_effects(effects))} to the catalogue")
     files = [Path(case), *inputs(case, data), *([Path(effects)] if effects else [])]
     provenance = describe_inputs(files)  # of what was read, whatever becomes of it meanwhile
+    begun = time.perf_counter()
     found = diagnose(recording, progress)
-    if len(found.naming.contenders) > 1:
+    seconds = time.perf_counter() - begun
+    if len(found.members) > 1:
         progress("designing the experiment that tells the names apart")
     experiment = next_experiment(found)
     progress("writing the page")
-    return found, write_report(found, folder, experiment, provenance=provenance)
+    page = write_report(found, folder, experiment, provenance=provenance)
+    timing = {"seconds": seconds, "seconds_with_page": time.perf_counter() - begun}
+    write_text(json.dumps(timing, indent=1) + "\n", page.parent / TIMING)
+    return found, page

@@ -1,6 +1,7 @@
 """The film of a diagnosis: recorded, naive and improved motion side by side, drawn without a graphics card."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -11,12 +12,14 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from fimpact.diagnosis.pipeline import Diagnosis
 from fimpact.gif import write_gif
-from fimpact.mismatch.diagnose import Diagnosis
-from fimpact.motion import configurations, readings_of, scene_of, stretch, undrawable
-from fimpact.report_figures import shown_run, worst_channels
+from fimpact.motion import configurations, scene_of, undrawable
+from fimpact.recordings import Run
 from fimpact.report_look import FAINT, IMPROVED, INK, LOOK, NAIVE, QUIET
 from fimpact.scene import Scene, outline
+from fimpact.simulation.horizon import MOST_WINDOWS, Starts, window_starts
+from fimpact.simulation.windows import cut
 from fimpact.stage import View, common_view, draw_bodies, draw_world, geoms, set_up
 from fimpact.units import channel_unit
 
@@ -25,46 +28,71 @@ PLAYED = (3.0, 6.0)  # s: slower or faster than it was, if need be
 SIZE = (4.8, 135)  # inches, dots per inch: type that can be read on a phone
 MOST = 1_500_000  # bytes, which a page carries a third more of
 GHOST = 0.18  # opacity of what was recorded behind a model
+WINDOWS, LENGTHS = 4, (1.0, 6.0)  # of the case that are shown in one go, and for how long, s
 SMALL = 0.03  # share of the picture below which a body is marked by a dot
 FAR = 5.0  # pictures away, where nothing is drawn any more
 COLOURS = {"recorded": QUIET, "naive fit": NAIVE, "improved": IMPROVED}
 
 
-def draw_film(diagnosis: Diagnosis, path: Path | str) -> str:
-    """Write the film of one held-out stretch as a GIF.
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a run: what was recorded and what models say of it, (T, ny) by name, and its time in the run, (T,) s."""
+
+    run: str
+    readings: dict[str, np.ndarray]
+    time: np.ndarray
+
+
+def draw_film(diagnosis: Diagnosis, runs: Sequence[Run], starts: Sequence[Starts], path: Path | str) -> str:
+    """Write the film of one stretch of `runs` as a GIF.
+
+    Args:
+        starts: states at every sample of each run.
 
     Returns:
         Why there is none, in one sentence; empty where it was written.
     """
-    simulator, recording = diagnosis.bench.held_out.simulator, diagnosis.recording
-    if reason := undrawable(simulator.base, recording.channels):
+    if reason := undrawable(diagnosis.simulator.base, diagnosis.recording.channels):
         return reason
-    readings, time = _readings(diagnosis)
-    scenes = _scenes(diagnosis, readings, time)
+    part = stretch(diagnosis, runs, starts)
+    scenes = _scenes(diagnosis, part)
     with plt.rc_context(LOOK):
-        shots = list(_shots(diagnosis, scenes, readings, time))
-    write_gif(shots, [INK, *COLOURS.values()], FRAMES / _played(time), path, MOST)
+        shots = list(_shots(diagnosis, scenes, part))
+    write_gif(shots, [INK, *COLOURS.values()], FRAMES / _played(part.time), path, MOST)
     return ""
 
 
-def _readings(diagnosis: Diagnosis) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """What was recorded and what the models say of it, (T, ny) by name, and the time in the run, (T,) s."""
-    part, naming = stretch(diagnosis, shown_run(diagnosis)), diagnosis.naming
-    rows = slice(part.first, part.first + part.samples)
-    models = {"naive fit": naming.naive} | ({"improved": naming.best} if naming.best.placed else {})
-    found = {"recorded": diagnosis.recording.held_out[part.run].measured[rows]}
-    found |= {name: readings_of(diagnosis, explanation, part) for name, explanation in models.items()}
-    return found, np.arange(part.first, part.first + part.samples) * diagnosis.recording.period
+def stretch(diagnosis: Diagnosis, runs: Sequence[Run], starts: Sequence[Starts]) -> Stretch:
+    """The stretch, some seconds long, in which the naive model errs as much as in the median one; each model in one go
+    from the state at its beginning."""
+    recording, simulator = diagnosis.recording, diagnosis.simulator
+    windows = cut(runs, max(2, round(_length(diagnosis) / recording.period)), MOST_WINDOWS)
+    begun = window_starts(windows, starts)
+    naive = simulator.predict(diagnosis.naive, windows, begun.qpos, begun.qvel, begun.act)
+    missed = np.nan_to_num((naive - windows.measured) / diagnosis.prepared.noise, nan=0.0, posinf=1e9)
+    at = np.argsort(np.sum(missed**2, (1, 2)), kind="stable")[[len(naive) // 2]]
+    chosen, found = windows.part(at), {"recorded": windows.measured[at[0]], "naive fit": naive[at[0]]}
+    if diagnosis.best.placed:
+        states = begun.qpos[at], begun.qvel[at], begun.act[at]
+        found["improved"] = simulator.predict(diagnosis.best, chosen, *states)[0]
+    seen = np.flatnonzero(np.isfinite(found["recorded"]).any(1))[-1] + 1
+    time = (int(chosen.first[0]) + np.arange(seen)) * recording.period
+    return Stretch(windows.names[int(chosen.runs[0])], {name: rows[:seen] for name, rows in found.items()}, time)
 
 
-def _scenes(diagnosis: Diagnosis, readings: dict[str, np.ndarray], time: np.ndarray) -> dict[str, Scene]:
-    simulator, channels = diagnosis.bench.held_out.simulator, diagnosis.recording.channels
-    points = {"naive fit": diagnosis.naming.naive, "improved": diagnosis.naming.best}
-    shown, axes, scenes = _shown(time), None, {}
-    for name, values in readings.items():
-        model = simulator.model(points[name].judged.point.hypothesis) if name in points else simulator.base
+def _length(diagnosis: Diagnosis) -> float:
+    own = diagnosis.recording.window or 1.0
+    return float(np.clip(WINDOWS * own, *LENGTHS))
+
+
+def _scenes(diagnosis: Diagnosis, part: Stretch) -> dict[str, Scene]:
+    simulator, channels = diagnosis.simulator, diagnosis.recording.channels
+    models = {"naive fit": diagnosis.naive, "improved": diagnosis.best}
+    shown, axes, scenes = _shown(part.time), None, {}
+    for name, values in part.readings.items():
+        model = simulator.model(models[name]) if name in models else simulator.base
         qpos = configurations(model, channels, values)[shown]
-        scenes[name] = scene_of(model, qpos, time[shown], axes)
+        scenes[name] = scene_of(model, qpos, part.time[shown], axes)
         axes = scenes[name].axes
     return scenes
 
@@ -77,14 +105,14 @@ def _played(time: np.ndarray) -> float:
     return float(np.clip(np.ptp(time), *PLAYED))
 
 
-def _shots(diagnosis: Diagnosis, scenes: dict[str, Scene], readings, time) -> Iterator[np.ndarray]:
+def _shots(diagnosis: Diagnosis, scenes: dict[str, Scene], part: Stretch) -> Iterator[np.ndarray]:
     view = common_view([scenes["recorded"]], every=1)
     figure, tops, bottoms = set_up(view, list(scenes), SIZE[0])
     figure.set_dpi(SIZE[1])
     for ax, scene in zip(tops, scenes.values(), strict=True):
         draw_world(ax, scene, view)
         ax.add_patch(Rectangle((0, 0), 1, 1, transform=ax.transAxes, fill=False, edgecolor=FAINT))
-    _signals(diagnosis, bottoms, readings, time)
+    _signals(diagnosis, bottoms, part)
     figure.canvas.draw()
     figure.set_layout_engine("none")
     still = figure.canvas.copy_from_bbox(figure.bbox)
@@ -95,10 +123,12 @@ def _shots(diagnosis: Diagnosis, scenes: dict[str, Scene], readings, time) -> It
     plt.close(figure)
 
 
-def _signals(diagnosis: Diagnosis, axes: list[Axes], readings: dict[str, np.ndarray], time: np.ndarray) -> None:
-    channel = worst_channels(diagnosis)[0]
+def _signals(diagnosis: Diagnosis, axes: list[Axes], part: Stretch) -> None:
+    readings, time = part.readings, part.time
+    missed = ((readings["naive fit"] - readings["recorded"]) / diagnosis.prepared.noise) ** 2
+    channel = int(np.argmax(np.nan_to_num(missed).sum(0)))  # the one that it predicts worst
     name = diagnosis.recording.channels[channel]
-    unit = channel_unit(diagnosis.bench.training.simulator.base, name)
+    unit = channel_unit(diagnosis.simulator.base, name)
     speed = np.ptp(time) / _played(time)
     pace = "" if abs(speed - 1) < 0.05 else f", {1 / speed:.1f} × slower" if speed < 1 else f", {speed:.1f} × faster"
     for ax, (model, values) in zip(axes, readings.items(), strict=True):

@@ -2,38 +2,42 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fimpact.cases import read_case
 from fimpact.cases.errors import CaseError, one_of
+from fimpact.diagnosis.findings import parameter_rows
+from fimpact.diagnosis.pipeline import plain
+from fimpact.diagnosis.proof import Proof, prove
+from fimpact.diagnosis.wording import value_in_words
 from fimpact.effects import get_effect
-from fimpact.effects.base import Effect
+from fimpact.effects.base import Effect, words
 from fimpact.effects.own import load_effects
-from fimpact.mismatch.colour import colour
-from fimpact.mismatch.diagnose import in_words, parameter_rows, value_in_words
-from fimpact.mismatch.disturbance import disturbance
-from fimpact.mismatch.evidence import Evidence, weigh_evidence
-from fimpact.mismatch.explain import Explanation, naive_fit
-from fimpact.mismatch.insist import insisted
-from fimpact.mismatch.judge import Bench, bench
-from fimpact.mismatch.pulses import felt
-from fimpact.mismatch.weigh import both, widened
 from fimpact.recordings import Recording
+from fimpact.selection.forced import fit_forced
+from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.smoothing.prepare import prepare
+from fimpact.smoothing.smoother import Smoothed, smooth
 
 
 @dataclass(frozen=True)
 class Insisted:
-    """The naive fit, that with the effects, the covariance of its coordinates (k, k), disturbances counted, and what it
-    is worth on held-out runs."""
+    """The naive fit, that with the effects, and what both are worth on held-out runs (None: there are none)."""
 
-    recording: Recording
-    naive: Explanation
-    best: Explanation
-    covariance: np.ndarray
-    evidence: Evidence
+    naive: Smoothed
+    best: Smoothed
+    proof: Proof | None
+
+    @property
+    def parameters(self) -> list[dict[str, Any]]:
+        """A row for each number, with its value in the naive fit, None where it has none there."""
+        naive = {number.of: number.value for number in self.naive.numbers}
+        rows = parameter_rows(self.best, self.best.track.recording)
+        return [row | {"naive": naive.get(row["of"])} for row in rows]
 
 
 def fit_recording(
@@ -51,60 +55,70 @@ def fit_recording(
         effects: Python file that adds effects to the catalogue; None: there is none.
 
     Raises:
-        CaseError: the case or its data cannot be used, or an effect cannot be where it is said to be.
-        ValueError: no effect has such a name, or `effects` cannot be run.
+        CaseError: the case or its data cannot be used, an effect cannot be where it is said to be, or the fit does not
+            converge. ValueError: no effect has such a name, or `effects` cannot be run.
     """
     recording = read_case(case, data)
     if effects:
         load_effects(effects)
-    made = bench(recording)
-    places = _places(made, names)
+    places = _places(recording, names)
     progress("fitting the model as it is")
-    naive = naive_fit(made)
+    prepared = prepare(recording)
+    naive = smooth(prepared.track, prepared.begun, prepared.noise, progress=progress)
     progress(f"refitting with {', '.join(names)}")
-    best = insisted(made, naive, places)
-    silent = sorted(set(names) - {p.name for p in best.placed})
-    if silent:
+    best = fit_forced(prepared, naive, places, progress)
+    if not best.converged:
         raise CaseError(
-            f"{silent[0]}: the training runs of {case} show nothing of it that the unknowns would not do as well, or "
-            "all of them diverge; leave it out"
+            f"the fit with {', '.join(names)} does not converge: the training runs of {case} show nothing of it that "
+            "the unknowns would not do as well, or it diverges; leave out one of them"
         )
-    return Insisted(recording, naive, best, _covariance(made, naive, best), weigh_evidence(made, naive, best))
+    simulator, hypotheses = prepared.track.simulator, [Hypothesis(fit.theta, fit.placed) for fit in (naive, best)]
+    progress("proving on held-out runs")
+    proof = prove(prepared, {n: (simulator, h) for n, h in zip(("naive", "improved"), hypotheses, strict=True)})
+    return Insisted(naive, best, proof)
 
 
-def _places(made: Bench, names: Sequence[str]) -> list[tuple[Effect, str]]:
-    simulator, found = made.training.simulator, []
+def _places(recording: Recording, names: Sequence[str]) -> list[tuple[Effect, str]]:
+    model, found = Simulator(recording).base, []
     for name in names:
         known, at, site = name.partition("@")
         if not at:
             raise CaseError(f"{name!r} says no place; write EFFECT@SITE, such as coulomb@JOINT")
         effect = get_effect(known)
-        sites = effect.sites(simulator.base, simulator.recording.channels)
+        sites = effect.sites(model, recording.channels)
         found.append((effect, one_of(sites, site, f"site of {known}", "the model")))
     if len(set(names)) < len(names):
         raise CaseError(f"{max(names, key=list(names).count)} is said twice; once is enough")
     return found
 
 
-def _covariance(made: Bench, naive: Explanation, best: Explanation) -> np.ndarray:
-    found = felt(made.training, naive.fitted), felt(made.held_out, naive.judged)
-    pushing = disturbance(best.fitted, found[0])
-    return widened(both(made, best), [colour(windows, pushing) for windows in found])[1]
-
-
 def in_lines(found: Insisted) -> list[str]:
     """What was fitted, a line for each unknown and each effect with 95 % intervals, and what it is worth."""
-    own = [row for row in parameter_rows(found, found.recording) if row["before"] is not None]
-    told = found.evidence
-    return [
-        *(f"{value_in_words(row)} at {row['of'].partition('@')[2]} (naive fit: {row['naive']:.3g})" for row in own),
-        *(in_words(found, found.recording, placed) for placed in found.best.placed),
-        f"held-out error: {told.after:.3g} standard deviations of the noise, naive fit: {told.before:.3g}; "
-        f"{told.improvement:.0%} less ({told.low:.0%} to {told.high:.0%})",
-    ]
+    rows = found.parameters
+    own = [row for row in rows if row["before"] is not None]
+    lines = [f"{value_in_words(row)} at {row['of'].partition('@')[2]} (naive fit: {row['naive']:.3g})" for row in own]
+    for placed in found.best.placed:
+        numbers = ", ".join(value_in_words(row) for row in rows if row["of"] == placed.name)
+        lines.append(f"{words(placed.name)} ({numbers})" if numbers else words(placed.name))
+    return [*lines, _worth(found.proof)]
+
+
+def _worth(proof: Proof | None) -> str:
+    if proof is None:
+        return "held-out error: none, no run is held out"
+    naive, improved = (_overall(proof, f"error_{name}") for name in ("naive", "improved"))
+    return (
+        f"held-out error: {improved:.3g} {proof.unit}, naive fit: {naive:.3g} {proof.unit}, "
+        f"noise floor: {proof.noise_floor:.3g} {proof.unit}"
+    )
+
+
+def _overall(proof: Proof, name: str) -> float:
+    return float(np.sqrt(np.mean(np.array([row[name] for row in proof.runs], float) ** 2)))
 
 
 def as_json(found: Insisted) -> str:
-    """The same as a diagnosis has it: ``parameters`` and ``evidence``."""
-    rows, told = parameter_rows(found, found.recording), found.evidence
-    return json.dumps({"parameters": rows, "evidence": {**asdict(told), "white": told.white}}, indent=1) + "\n"
+    """The same as a diagnosis has it: ``parameters``, those of effects among them, and ``held_out``."""
+    proof = found.proof
+    held_out = proof and {"unit": proof.unit, "noise_floor": proof.noise_floor, "runs": list(proof.runs)}
+    return json.dumps(plain({"parameters": found.parameters, "held_out": held_out}), indent=1) + "\n"

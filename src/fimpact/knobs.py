@@ -3,21 +3,19 @@
 Freeing friction, damping and armature in every joint is what users do who do not know where something is missing.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from fimpact.mismatch.coordinates import NOTHING, coordinates
-from fimpact.mismatch.problem import Problem
-from fimpact.mismatch.scales import scales
-from fimpact.mismatch.simulate import Hypothesis, Simulator
-from fimpact.recordings import Recording, Unknown
+from fimpact.diagnosis.freed import OF_JOINTS
+from fimpact.smoothing.parameters import parameters
+from fimpact.smoothing.prepare import Prepared
 
 BOUND = 8.0  # prior standard deviations, or typical sizes, beyond which no fit goes
+LEAST = 1e-3  # of a positive parameter's own value: it goes no lower
 INSIDE = 0.1  # typical sizes at which a freed parameter starts: on its bound at 0 an optimiser would stall
-OF_JOINTS = ("damping", "frictionloss", "armature")
-TURNS_OR_SLIDES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+SAMPLES = 400  # states whose inverse dynamics is averaged
 
 
 @dataclass(frozen=True)
@@ -33,32 +31,21 @@ class Knobs:
     sd: np.ndarray
 
 
-def own_knobs(problem: Problem) -> Knobs:
+def own_knobs(prepared: Prepared) -> Knobs:
     """The recording's unknowns, from the model's own values."""
-    free = coordinates(problem.simulator)
-    low, high = np.maximum(free.low, free.mean - BOUND * free.scale), free.mean + BOUND * free.scale
-    return Knobs(free.mean, low, high, free.scale, free.mean, free.sd)
+    simulator = prepared.track.simulator
+    numbers = parameters(simulator, simulator.theta, (), ())
+    mean, sd, low, size = (np.array([getattr(n, of) for n in numbers], float) for of in ("mean", "sd", "low", "size"))
+    scale, sd = np.minimum(np.where(sd > 0, sd, np.inf), size), np.where(sd > 0, sd, np.inf)
+    low = np.where([n.log for n in numbers], LEAST * size, np.maximum(low, mean - BOUND * scale))
+    return Knobs(mean, np.maximum(low, mean - BOUND * scale), mean + BOUND * scale, scale, mean, sd)
 
 
-def freed(recording: Recording) -> Recording:
-    """`recording` with more unknowns: what any hinge or slide can lack, and the friction of every contact."""
-    model = Simulator(recording).base
-    joints = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] in TURNS_OR_SLIDES]
-    touching = [model.geom(i).name for i in range(model.ngeom) if model.geom_contype[i] | model.geom_conaffinity[i]]
-    wanted = [(field, joint) for field in OF_JOINTS for joint in joints]
-    wanted += [("pair_friction", model.pair(i).name) for i in range(model.npair)]
-    wanted += [("friction", geom) for geom in touching if not model.npair]
-    known = {(unknown.field, unknown.site) for unknown in recording.unknowns}
-    extra = tuple(Unknown(field, site) for field, site in wanted if site and (field, site) not in known)
-    return replace(recording, unknowns=recording.unknowns + extra)
-
-
-def freed_knobs(problem: Problem) -> Knobs:
+def freed_knobs(prepared: Prepared) -> Knobs:
     """As `own_knobs`, with what a joint has been given none of on the scale of the forces and speeds of its motion."""
-    knobs, unknowns = own_knobs(problem), problem.simulator.recording.unknowns
-    sizes = _joint_sizes(problem)
+    knobs, sizes = own_knobs(prepared), _joint_sizes(prepared)
     start, low, high, scale = (np.array(part, float) for part in (knobs.start, knobs.low, knobs.high, knobs.scale))
-    for i, unknown in enumerate(unknowns):
+    for i, unknown in enumerate(prepared.track.recording.unknowns):
         if unknown.field in OF_JOINTS:
             scale[i] = max(scale[i] * (start[i] > 0), sizes[unknown.field, unknown.site])
             low[i], high[i] = 0.0, start[i] + BOUND * scale[i]
@@ -66,16 +53,28 @@ def freed_knobs(problem: Problem) -> Knobs:
     return Knobs(start, low, high, scale, knobs.mean, knobs.sd)
 
 
-def _joint_sizes(problem: Problem) -> dict[tuple[str, str], float]:
-    simulator = problem.simulator
-    found = scales(problem, problem.evaluate(Hypothesis(simulator.theta), *problem.starts, NOTHING))
-    model, data = simulator.base, mujoco.MjData(simulator.base)
-    inertia = np.empty((model.nv, model.nv))
+def _joint_sizes(prepared: Prepared) -> dict[tuple[str, str], float]:
+    model = prepared.track.model
+    data, inertia = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    force, speed = _force(prepared), np.sqrt(np.mean(prepared.begun.qvel**2, 0)) + 1e-9
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, inertia)
     sizes = {}
     for joint in (model.joint(i) for i in range(model.njnt)):
         dof = joint.dofadr[0]
-        of_joint = (found.force[dof] / found.speed[dof], found.force[dof], inertia[dof, dof])
+        of_joint = (force[dof] / speed[dof], force[dof], inertia[dof, dof])
         sizes |= {(field, joint.name): float(size) for field, size in zip(OF_JOINTS, of_joint, strict=True)}
     return sizes
+
+
+def _force(prepared: Prepared) -> np.ndarray:
+    """Root mean square force that accelerates and carries each degree of freedom along the measured motion, (nv,)."""
+    track, begun = prepared.track, prepared.begun
+    data, found = mujoco.MjData(track.model), []
+    inside = np.flatnonzero(~track.last)
+    for k in inside[:: max(1, len(inside) // SAMPLES)]:
+        data.qpos[:], data.qvel[:] = begun.qpos[k], begun.qvel[k]
+        data.qacc[:] = (begun.qvel[k + 1] - begun.qvel[k]) / track.period
+        mujoco.mj_inverse(track.model, data)
+        found.append(np.abs(data.qfrc_inverse) + np.abs(data.qfrc_bias))
+    return np.sqrt(np.mean(np.array(found) ** 2, 0)) + 1e-12

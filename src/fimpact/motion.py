@@ -1,29 +1,13 @@
 """From what was measured, or predicted, back to how the robot stood: what a film of a diagnosis shows."""
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 
-from fimpact.mismatch.diagnose import Diagnosis
-from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.starts import place_of
-from fimpact.mismatch.windows import Windows
 from fimpact.scene import Scene, moves, pivots
+from fimpact.simulation.starts import shown_by
 
-WINDOWS = 4  # consecutive ones that are shown in one go
 UPRIGHT = 0.2  # share of the largest travel from which on a vertical one is looked at
 NO_CONTACTS = np.zeros((0, 2, 2))
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Part of a held-out run: its number, the window it starts with, its first sample and how many."""
-
-    run: int
-    window: int
-    first: int
-    samples: int
 
 
 def undrawable(model: mujoco.MjModel, channels: tuple[str, ...]) -> str:
@@ -43,13 +27,9 @@ def _addresses(model: mujoco.MjModel, joint: int) -> set[int]:
 
 def _shown(model: mujoco.MjModel, channels: tuple[str, ...]) -> list[tuple[int, int]]:
     """Numbers of qpos that a channel shows, each with the channel's."""
-    found = []
-    for column, channel in enumerate(channels):
-        name, _, part = channel.removesuffix("]").partition("[")
-        place = place_of(model, model.sensor(name), int(part or 0))
-        if place and place[0] != "speed":
-            found.append((int(place[1]), column))
-    return found
+    found = [(shown_by(model, channel), column) for column, channel in enumerate(channels)]
+    kept = [(own, column) for own, column in found if own and own.kind != "speed"]
+    return [(own.qpos + own.part * (own.kind == "quaternion"), column) for own, column in kept]
 
 
 def configurations(model: mujoco.MjModel, channels: tuple[str, ...], readings: np.ndarray) -> np.ndarray:
@@ -66,27 +46,6 @@ def _filled(values: np.ndarray) -> np.ndarray:
     # What diverges stays where it was last seen.
     good = np.flatnonzero(np.isfinite(values))
     return np.interp(np.arange(len(values)), good, values[good]) if len(good) else np.zeros(len(values))
-
-
-def stretch(diagnosis: Diagnosis, run: int) -> Stretch:
-    """The part of a held-out run in which the naive model errs most: a few windows, or all of a short run."""
-    windows = diagnosis.bench.held_out.windows
-    own = np.flatnonzero(windows.runs == run)
-    own = own[np.argsort(windows.first[own])]
-    errors, many = diagnosis.naming.naive.judged.point.squares[own], min(WINDOWS, len(own))
-    start = int(np.argmax(np.convolve(errors, np.ones(many), "valid")))
-    first, whole = int(windows.first[own[start]]), len(diagnosis.recording.held_out[run].measured)
-    return Stretch(run, int(own[start]), first, min(many * windows.length, whole - first))
-
-
-def readings_of(diagnosis: Diagnosis, explanation: Explanation, part: Stretch) -> np.ndarray:
-    """What a model predicts of a stretch in one go from the state fitted to its first window, (T, ny)."""
-    windows, point = diagnosis.bench.held_out.windows, explanation.judged.point
-    blank = np.full((1, part.samples, windows.measured.shape[2]), np.nan)
-    begun = windows.part(np.array([part.window])).turned
-    long = Windows(np.array([part.run]), np.array([part.first]), blank, windows.ctrl, windows.names, turned=begun)
-    start = point.qpos[[part.window]], point.qvel[[part.window]]
-    return diagnosis.bench.held_out.simulator.predict(point.hypothesis, long, *start)[0]
 
 
 def scene_of(model: mujoco.MjModel, qpos: np.ndarray, time: np.ndarray, axes: tuple[int, int] | None = None) -> Scene:

@@ -11,16 +11,13 @@ from io import StringIO
 
 import numpy as np
 
+from fimpact.diagnosis.proof import QUICK
 from fimpact.knobs import Knobs
-from fimpact.mismatch.blackbox import black_box
-from fimpact.mismatch.coordinates import NOTHING
-from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, settle
-from fimpact.mismatch.locate import locate
-from fimpact.mismatch.problem import Problem
-from fimpact.mismatch.pulses import pulses
-from fimpact.mismatch.simulate import Hypothesis
+from fimpact.simulation.random_features import learn_force
+from fimpact.simulation.simulator import Hypothesis
+from fimpact.simulation.windows import Windows, cut
+from fimpact.smoothing.prepare import Prepared
+from fimpact.smoothing.smoother import Smoothed
 
 ITERATIONS = 30  # of mujoco.sysid
 DIVERGED = 1e3  # standard deviations, in place of what has no number
@@ -36,8 +33,8 @@ def require_sysid() -> None:
         raise ValueError("mujoco.sysid cannot be imported; install the comparators: pip install -e '.[peers]'")
 
 
-def fit_sysid(problem: Problem, knobs: Knobs, start: np.ndarray | None = None) -> tuple[float, np.ndarray]:
-    """Sum of squares and values, (p,), at the optimum of `mujoco.sysid`.
+def fit_sysid(prepared: Prepared, knobs: Knobs, start: np.ndarray | None = None) -> tuple[float, np.ndarray]:
+    """Sum of squares and values, (p,), at the optimum of `mujoco.sysid` over short windows of the training runs.
 
     Args:
         start: (p,); None: that of `knobs`.
@@ -48,34 +45,46 @@ def fit_sysid(problem: Problem, knobs: Knobs, start: np.ndarray | None = None) -
     require_sysid()
     from mujoco import sysid
 
+    windows = training_windows(prepared)
     table = sysid.ParameterDict()
-    rows = zip(problem.simulator.recording.unknowns, knobs.start, knobs.low, knobs.high, strict=True)
+    rows = zip(prepared.track.recording.unknowns, knobs.start, knobs.low, knobs.high, strict=True)
     for unknown, *row in rows:
         table.add(sysid.Parameter(unknown.name, *row))
     if not table:
-        return float((_error(problem, knobs, knobs.start) ** 2).sum()), knobs.start
+        return float((_error(prepared, windows, knobs, knobs.start) ** 2).sum()), knobs.start
     table.update_from_vector(np.clip(knobs.start if start is None else start, knobs.low, knobs.high))
 
     def residual(values, parameters):
-        columns = [_error(problem, knobs, column) for column in np.atleast_2d(values.T)]
+        columns = [_error(prepared, windows, knobs, column) for column in np.atleast_2d(values.T)]
         return [np.stack(columns, 1) if values.ndim > 1 else columns[0]], None, None
 
     unheard = StringIO()  # its backend prints whatever `verbose` says
     found, _ = sysid.optimize(table, residual, verbose=False, max_iters=ITERATIONS, x_scale=knobs.scale, output=unheard)
     theta = found.as_vector()
-    return float((_error(problem, knobs, theta) ** 2).sum()), theta
+    return float((_error(prepared, windows, knobs, theta) ** 2).sum()), theta
 
 
-def _error(problem: Problem, knobs: Knobs, theta: np.ndarray) -> np.ndarray:
-    point = problem.evaluate(Hypothesis(np.ravel(theta)), *problem.starts, NOTHING)
-    error = np.nan_to_num(point.residual.ravel(), nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
-    return np.append(error, (np.ravel(theta) - knobs.mean) / knobs.sd)
+def training_windows(prepared: Prepared) -> Windows:
+    """Windows of the training runs as long as the case has them, else of a second."""
+    recording = prepared.track.recording
+    length = round((recording.window or QUICK) / recording.period)
+    return cut(prepared.track.runs, max(length, 2), recording.windows)
 
 
-def judge_black_box(made: Bench, naive: Explanation) -> Fit:
-    """The fitted model with a learned force on top, settled on the held-out windows."""
-    problem = made.training
-    location = locate(problem, naive.fitted, pulses(problem, naive.fitted))
-    placed = black_box(problem.simulator, problem.windows, location)
-    hypothesis = Hypothesis(naive.fitted.point.hypothesis.theta, (placed,))
-    return settle(made.held_out, hypothesis, naive.judged.point, naive.judged.linear)
+def _error(prepared: Prepared, windows: Windows, knobs: Knobs, theta: np.ndarray) -> np.ndarray:
+    track, theta = prepared.track, np.ravel(theta)
+    begun = prepared.begun[track.bounds[windows.runs] + windows.first]
+    predicted = track.simulator.predict(Hypothesis(theta), windows, begun.qpos, begun.qvel, begun.act)
+    missed = (windows.measured - predicted)[np.isfinite(windows.measured)]
+    scale = np.broadcast_to(prepared.noise, windows.measured.shape)[np.isfinite(windows.measured)]
+    error = np.nan_to_num(missed / scale, nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
+    return np.append(np.clip(error, -DIVERGED, DIVERGED), (theta - knobs.mean) / knobs.sd)
+
+
+def black_box(naive: Smoothed) -> Hypothesis:
+    """The naive fit with a learned force on top: a smooth function of state and command for what the model lacks."""
+    track, states = naive.track, naive.states
+    inside = ~track.last  # nothing is missing after the last sample of a run
+    inputs = np.concatenate([states.qpos, states.qvel, track.ctrl[:, 0]], 1)
+    placed = learn_force(inputs[inside], naive.tau[inside], track.run_of[inside])
+    return Hypothesis(naive.theta, (placed,))

@@ -13,20 +13,20 @@ import jinja2
 import matplotlib.pyplot as plt
 from markupsafe import Markup
 
+from fimpact.diagnosis.pipeline import Diagnosis
 from fimpact.effects.base import words
-from fimpact.experiment import COMMANDS, START, commands, described, write_experiment
-from fimpact.mismatch.diagnose import Diagnosis, parameter_rows
-from fimpact.mismatch.discriminate import Experiment
-from fimpact.mismatch.export import CALLBACK, XML
-from fimpact.mismatch.mjcf import ASSETS
-from fimpact.report_contents import DATA, FIGURES, contents, to_text
-from fimpact.report_figures import pictures, shown_run
+from fimpact.experiments.described import COMMANDS, START, described, write_experiment
+from fimpact.experiments.design import Experiment
+from fimpact.experiments.figures import commands
+from fimpact.export.mjcf import ASSETS
+from fimpact.export.replay import CALLBACK, XML
+from fimpact.report_contents import DATA, FIGURES, TIMING, contents, to_text
+from fimpact.report_figures import pictures
 from fimpact.report_look import draw, inline, store
-from fimpact.report_numbers import pair, percent, short
-from fimpact.units import channel_unit
+from fimpact.report_numbers import estimate, pair, percent, short
 
 PAGE = "report.html"
-OURS = {PAGE, DATA, FIGURES, XML, CALLBACK, ASSETS, COMMANDS, START}
+OURS = {PAGE, DATA, FIGURES, XML, CALLBACK, ASSETS, COMMANDS, START, TIMING}
 
 
 def write_report(
@@ -90,18 +90,20 @@ def _swap(building: Path, folder: Path) -> None:
 
 
 def _fill(diagnosis: Diagnosis, folder: Path, experiment: Experiment | None, provenance: Mapping[str, Any]) -> None:
-    content, drawn = contents(diagnosis, folder, provenance), pictures(diagnosis)
+    content = contents(diagnosis, folder, provenance)
+    drawn = pictures(content)
     content["experiment"] = described(diagnosis, experiment) if experiment else None
     if experiment and content["experiment"]["files"]:
         write_experiment(diagnosis, experiment, folder)
         drawn |= {"experiment": draw(commands, diagnosis, experiment)} if experiment.ctrl.shape[1] else {}
     (folder / DATA).write_text(to_text(content), encoding="utf-8")
+    images = dict.fromkeys(("horizon", "force", "film", "experiment"), "")
     for name, figure in drawn.items():
         store(figure, folder / FIGURES / name)
-    images = {"experiment": ""} | {name: inline(figure, name) for name, figure in drawn.items()}
-    images["film"] = _embedded(folder / content["film"]["file"]) if content["film"]["file"] else ""
-    for figure in drawn.values():
+        images[name] = inline(figure, name)
         plt.close(figure)
+    if content["film"]["file"]:
+        images["film"] = _embedded(folder / content["film"]["file"])
     (folder / PAGE).write_text(_page(diagnosis, content, images), encoding="utf-8")
 
 
@@ -114,20 +116,14 @@ def _page(diagnosis: Diagnosis, content: Mapping[str, Any], images: Mapping[str,
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
-    environment.filters |= {"short": short, "pair": pair, "words": words, "percent": percent}
+    environment.filters |= {"short": short, "pair": pair, "estimate": estimate, "words": words, "percent": percent}
     template = environment.from_string(files("fimpact").joinpath("report.html.jinja").read_text(encoding="utf-8"))
-    simulator, windows = diagnosis.bench.training.simulator, diagnosis.bench.held_out.windows
-    recording, naming = diagnosis.recording, diagnosis.naming
+    recording = diagnosis.recording
     return template.render(
         c=content,
         images={name: Markup(svg) for name, svg in images.items()},
-        rows=parameter_rows(naming, recording),
-        best=naming.found,
-        withheld=not diagnosis.evidence.white,
-        widened=naming.widened,
-        run=windows.names[shown_run(diagnosis)],
+        names=(("naive", "naive fit"), ("freed", "everything freed"), ("improved", "improved")),
+        laws=list({row["effect"]: row for row in content["effects"]}.values()),
         runs=(len(recording.training), len(recording.held_out)),
-        units={channel: channel_unit(simulator.base, channel) for channel in recording.channels},
-        candidates=len(naming.steps[0].screened) if naming.steps else 0,
-        window=recording.window,
+        tried=len(diagnosis.explanation.rounds[0].tried) if diagnosis.explanation.rounds else 0,
     )

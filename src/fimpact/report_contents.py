@@ -3,7 +3,7 @@
 import hashlib
 import json
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -11,20 +11,20 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from fimpact.diagnosis.pipeline import Diagnosis, to_json
+from fimpact.diagnosis.proof import horizons_of, starts_of
+from fimpact.export.model import Exported, Predicted, write_model
+from fimpact.export.replay import XML
 from fimpact.film import draw_film
-from fimpact.mismatch.diagnose import Diagnosis, to_json
-from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.export import XML
-from fimpact.mismatch.model import write_model
-from fimpact.mismatch.per_run import error_per_run, floor_per_run, unit_of
-from fimpact.mismatch.shape import shapes
+from fimpact.recordings import Run
 from fimpact.report_numbers import short
+from fimpact.simulation.horizon import MOST_WINDOWS, Starts, predict_windows
+from fimpact.simulation.windows import cut
 
-DATA, FIGURES, FILM = "diagnosis.json", "figures", "motion.gif"
+DATA, FIGURES, FILM, TIMING = "diagnosis.json", "figures", "motion.gif", "timing.json"
 DIGITS = 10  # significant, in the JSON: beyond them results are not reproducible
-SHAPES = 3  # of an unnamed force that are told
 PACKAGES = ("fimpact", "mujoco", "numpy", "scipy")
-SEEDS = {"joint draws of scores": 0, "bootstrap": 0}
+SEEDS = {"random features": 0}
 
 
 def describe_inputs(paths: Iterable[Path | str]) -> dict[str, Any]:
@@ -41,44 +41,63 @@ def describe_inputs(paths: Iterable[Path | str]) -> dict[str, Any]:
 def contents(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) -> dict[str, Any]:
     """Everything on the page in plain types; writes the film to `folder`, and the improved model if held-out
     data bear it out."""
-    written = write_model(diagnosis, folder)
-    exported = {
-        "files": sorted(path.relative_to(folder).as_posix() for path in written.files),
-        "difference": written.difference,
-        "refusal": written.refusal,
-        "numerics": _numerics(folder / XML) if written.files else "",
+    found, recording = to_json(diagnosis), diagnosis.recording
+    laws = {placed.name: placed.effect for placed in diagnosis.best.placed}
+    for row in found["effects"]:
+        row |= {part: getattr(laws[row["name"]], part) for part in ("equation", "sentence", "reference")}
+    runs = recording.held_out or recording.training
+    starts = starts_of(recording, runs, diagnosis.prepared.noise, diagnosis.simulator)
+    exported = _export(diagnosis, folder, runs, starts)
+    found["held_out"] |= _overall(diagnosis)
+    found["model"] = {
+        "files": sorted(path.relative_to(folder).as_posix() for path in exported.files),
+        "difference": exported.difference,
+        "refusal": exported.refusal,
+        "numerics": _numerics(folder / XML) if exported.files else "",
     }
-    effects = [
-        {"name": p.name, "equation": p.effect.equation, "sentence": p.effect.sentence, "reference": p.effect.reference}
-        for member in {m.name: m for m in (diagnosis.naming.best, *diagnosis.naming.members)}.values()
-        for p in member.placed
-    ]
-    found = {"model": exported, "effects": effects, "alike": alike(diagnosis), "shapes": _shapes(diagnosis)}
-    found |= {"held_out": held_out(diagnosis), "film": _film(diagnosis, folder)}
-    return {**to_json(diagnosis), **found, "provenance": {"versions": _versions(), **provenance}}
+    reason = draw_film(diagnosis, runs, starts, folder / FIGURES / FILM)
+    found["film"] = {"file": "" if reason else f"{FIGURES}/{FILM}", "reason": reason}
+    found["alternatives"] = alternatives(diagnosis)
+    return {**found, "provenance": {"versions": _versions(), **provenance}}
 
 
-def _film(diagnosis: Diagnosis, folder: Path) -> dict[str, Any]:
-    reason = draw_film(diagnosis, folder / FIGURES / FILM)
-    return {"file": "" if reason else f"{FIGURES}/{FILM}", "reason": reason}
+def _overall(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The horizon by which runs are compared, s, and the errors over all held-out runs there."""
+    if diagnosis.proof is None:
+        return {"horizon": None, "overall": {}}
+    names = [name for name in diagnosis.proof.runs[0] if name.startswith("error_")]
+    every = {name: np.array([row[name] for row in diagnosis.proof.runs], float) for name in names}
+    overall = {name.removeprefix("error_"): float(np.sqrt(np.mean(own**2))) for name, own in every.items()}
+    horizons, own = horizons_of(diagnosis.recording)
+    return {"horizon": horizons[own], "overall": overall}
 
 
-def held_out(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Error of every held-out run under the naive and the improved model, with its noise floor and the one unit."""
-    made, naming = diagnosis.bench, diagnosis.naming
-    naive, improved = (error_per_run(made, explanation.judged) for explanation in (naming.naive, naming.best))
-    floor = floor_per_run(made)
-    rows = [
-        {"run": run, "error_naive": naive[run], "error_improved": improved[run], "noise_floor": floor[run]}
-        for run in naive
-    ]
-    return {"unit": unit_of(made), "runs": rows}
+def _export(diagnosis: Diagnosis, folder: Path, runs: Sequence[Run], starts: Sequence[Starts]) -> Exported:
+    """Write the improved model, checked on windows of `runs`, unless it is none or held-out runs refuse it."""
+    if not diagnosis.best.placed:
+        return Exported([], refusal="No model is exported: no effect was added.")
+    overall = _overall(diagnosis)["overall"]
+    if overall and not overall["improved"] < overall["naive"]:
+        return Exported([], refusal="No model is exported: it predicts held-out runs no better than the naive fit.")
+    recording, simulator = diagnosis.recording, diagnosis.simulator
+    horizon = _overall(diagnosis)["horizon"] or 1.0
+    windows = cut(runs, max(2, round(horizon / recording.period)), MOST_WINDOWS)
+    predicted, states = predict_windows(simulator, diagnosis.best, windows, starts, diagnosis.prepared.noise)
+    return write_model(recording, diagnosis.best, folder, diagnosis.verdict, Predicted(windows, *states, predicted))
 
 
-def _shapes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """For a force without a name: what it depends on, most telling first."""
-    told = shapes(diagnosis.location)[:SHAPES] if diagnosis.answer == "unnamed" else []
-    return [{k: getattr(shape, k) for k in ("dof", "regressor", "explained", "equation")} for shape in told]
+def alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """What the recordings cannot tell from the answer: its name, its share of the belief, and how it differs."""
+    total, own = sum(member.weight for member in diagnosis.members), set()
+    rows = []
+    for member in diagnosis.members:
+        names = {placed.name for placed in member.hypothesis.placed}
+        own = own or names
+        rows.append(
+            {"name": member.name, "weight": member.weight / total, "without": sorted(own - names)}
+            | {"with": sorted(names - own)}
+        )
+    return rows
 
 
 def _numerics(path: Path) -> str:
@@ -86,25 +105,6 @@ def _numerics(path: Path) -> str:
     option = mujoco.MjModel.from_xml_path(str(path)).opt
     name = mujoco.mjtIntegrator(option.integrator).name.removeprefix("mjINT_")
     return f"{'RK4' if name == 'RK4' else name.lower()} integrator at {short(1000 * option.timestep)} ms"
-
-
-def alike(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """The answer's members: name, weight, and the cosine between their projected sensitivity and the best one's."""
-    naming = diagnosis.naming
-    columns = {c.placed.name: c.column for step in reversed(naming.steps) for c in step.screened}
-    best = columns.get(_newest(naming.best))
-    rows = []
-    for member in naming.members:
-        own = columns.get(_newest(member))
-        known = best is not None and own is not None
-        cosine = (best * own).sum() / np.sqrt((best**2).sum() * (own**2).sum()) if known else None
-        rows.append({"name": member.name, "weight": member.weight, "cosine": None if cosine is None else float(cosine)})
-    return rows
-
-
-def _newest(explanation: Explanation) -> str:
-    """The effect that distinguishes an explanation from its rivals of the same step: the last one added."""
-    return explanation.placed[-1].name if explanation.placed else ""
 
 
 def to_text(content: Mapping[str, Any]) -> str:

@@ -12,9 +12,8 @@ from fimpact.looks import STYLE, save
 
 # Okabe-Ito; ink, quiet and paper change places in a dark page.
 INK, QUIET, FAINT, PAPER = "#1a1a1a", "#6f6f6f", "#dcdcdc", "#ffffff"
-RECORDED, NAIVE, IMPROVED, RIVAL, ALIKE = INK, "#D55E00", "#0072B2", "#9a9a9a", "#56B4E9"
-MODES = {"free": "#6f6f6f", "impact": "#CC79A7", "contact": "#009E73"}
-COLOURS = tuple(c.lower() for c in (INK, QUIET, FAINT, PAPER, NAIVE, IMPROVED, RIVAL, ALIKE, *MODES.values()))
+NAIVE, IMPROVED, RIVAL = "#D55E00", "#0072B2", "#9a9a9a"
+COLOURS = tuple(colour.lower() for colour in (INK, QUIET, FAINT, PAPER, NAIVE, IMPROVED, RIVAL))
 WIDTH = 3.75  # inches: a phone
 LOOK = {
     **STYLE,

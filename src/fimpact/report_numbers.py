@@ -1,5 +1,8 @@
 """Numbers as a reader wants them: few digits, a true minus, a power of ten where it has to be."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 
@@ -22,6 +25,13 @@ def pair(value: float, half: float) -> str:
     digits = max(0, scale - int(np.floor(np.log10(half))) + 1)
     body = f"{value / 10.0**scale:.{digits}f} ± {half / 10.0**scale:.{digits}f}".replace("-", "−")
     return f"({body}){_power(scale)}" if scale else body
+
+
+def estimate(row: Mapping[str, Any], name: str = "value") -> str:
+    """The value `name` of a row with half of its interval, as far as that is known, and its unit."""
+    known = row["low"] is not None and row["high"] is not None
+    text = pair(row[name], (row["high"] - row["low"]) / 2) if known else short(row[name])
+    return f"{text} {row['unit']}".strip() if row["unit"] != "1" else text
 
 
 def percent(value: float | None, digits: int = 0) -> str:

@@ -9,8 +9,7 @@ from typing import Any
 from fimpact.cases import inputs, read_case
 from fimpact.cases.errors import CaseError
 from fimpact.effects.own import load_effects
-from fimpact.mismatch.explain import Explanation
-from fimpact.mismatch.resolve import remaining, resolve, stated
+from fimpact.experiments.resolve import Resolved, remaining, resolve, stated
 from fimpact.recordings import Recording, Run
 from fimpact.report_contents import DATA, describe_inputs
 
@@ -21,7 +20,7 @@ def resolve_recording(
     folder: Path | str,
     progress: Callable[[str], None],
     effects: Path | str | None = None,
-) -> tuple[list[Explanation], list[str]]:
+) -> tuple[list[Resolved], list[str]]:
     """Weigh the members of the diagnosis in `folder` anew, with the runs that `case` lists since.
 
     Args:

@@ -1,48 +1,61 @@
-"""Summary of the recordings: a row per rig and held-out run, our errors beside those of others."""
+"""Summary of the recordings: a row per rig and held-out run, what was found, and our errors beside those of others."""
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-COLUMNS = (
-    "rig",
-    "run",
-    "verdict",
-    "error_naive",
-    "error_peer_freed",
-    "error_blackbox",
-    "error_improved",
-    "noise_floor",
-    "unit",
-)
+from fimpact.report_numbers import short
+
 ERRORS = {
     "error_naive": "naive fit",
-    "error_peer_freed": "everything freed",
+    "error_freed": "everything freed",
     "error_blackbox": "black box",
     "error_improved": "improved",
     "noise_floor": "noise floor",
 }
-OF_PEERS = {"sysid_freed": "error_peer_freed", "blackbox": "error_blackbox"}
+COLUMNS = ("rig", "run", "verdict", "certain", "possible", *ERRORS, "unit", "seconds", "quanta", "converged")
+OF_PEERS = {"sysid_freed": "error_freed", "blackbox": "error_blackbox"}
+TIMING = "timing.json"
 
 
 def summarise(diagnoses: Mapping[str, Path | str], compared: Mapping[str, Path | str]) -> pd.DataFrame:
     """One row per rig and held-out run, in the order of `diagnoses`.
 
     Args:
-        diagnoses: `diagnosis.json` of each rig. compared: its table of `compare_recording`, where there is one.
+        diagnoses: `diagnosis.json` of each rig, with `timing.json` beside it. compared: its table of
+            `compare_recording`, where there is one.
     """
-    rows = [row for rig, path in diagnoses.items() for row in _of_rig(rig, path, compared.get(rig))]
+    rows = [row for rig, path in diagnoses.items() for row in _of_rig(rig, Path(path), compared.get(rig))]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def _of_rig(rig: str, diagnosis: Path | str, compared: Path | str | None) -> list[dict]:
-    found = json.loads(Path(diagnosis).read_text(encoding="utf-8"))
+def _of_rig(rig: str, diagnosis: Path, compared: Path | str | None) -> list[dict]:
+    found = json.loads(diagnosis.read_text(encoding="utf-8"))
     theirs = _peers(compared) if compared else {}
-    about = {"rig": rig, "verdict": found["verdict"], "unit": found["held_out"]["unit"]}
-    return [about | row | theirs.get(row["run"], {}) for row in found["held_out"]["runs"]]
+    about = {"rig": rig, "unit": found["held_out"]["unit"], **{k: found[k] for k in ("verdict", "quanta", "converged")}}
+    about |= {tier: in_cell(found["effects"], tier) for tier in ("certain", "possible")}
+    about["seconds"] = json.loads(diagnosis.with_name(TIMING).read_text(encoding="utf-8"))["seconds"]
+    nobody = dict.fromkeys(OF_PEERS.values(), np.nan)
+    return [about | row | nobody | theirs.get(row["run"], {}) for row in found["held_out"]["runs"]]
+
+
+def in_cell(effects: list[dict[str, Any]], tier: str) -> str:
+    """Effects of a tier as ``effect@place:coefficient=value±halfwidth``, separated by semicolons."""
+    told = [
+        f"{effect['name']}:{row['name']}={row['value']:.4g}±{_half(row)}"
+        for effect in effects
+        for row in effect["coefficients"]
+        if effect["tier"] == tier
+    ]
+    return ";".join(told)
+
+
+def _half(row: Mapping[str, Any]) -> str:
+    return "inf" if row["low"] is None or row["high"] is None else f"{(row['high'] - row['low']) / 2:.2g}"
 
 
 def _peers(path: Path | str) -> dict[str, dict[str, float]]:
@@ -60,14 +73,15 @@ def gather(compared: Mapping[str, Path | str]) -> pd.DataFrame:
 
 
 def to_markdown(summary: pd.DataFrame) -> str:
-    """A row per rig: the verdict, and the median over its held-out runs of every error, in the rig's unit; none where
-    one of them has no error."""
-    head = ["rig", "held-out runs", *ERRORS.values(), "verdict"]
+    """A row per rig: verdict, seconds and the median over its held-out runs of every error, in the rig's unit, none
+    where one of them has no error."""
+    head = ["rig", "held-out runs", *ERRORS.values(), "seconds", "verdict"]
     lines = [head, ["---"] * len(head)]
     for rig, rows in summary.groupby("rig", sort=False):
-        runs = str(len(rows))
-        errors = [_error(rows[name].median(skipna=False), rows.unit.iloc[0]) for name in ERRORS]
-        lines.append([str(rig).replace("_", " "), runs, *errors, rows.verdict.iloc[0].replace("|", "/")])
+        one = rows.iloc[0]
+        errors = [_error(rows[name].median(skipna=False), one.unit) for name in ERRORS]
+        said = one.verdict.replace("|", "/")
+        lines.append([str(rig).replace("_", " "), str(len(rows)), *errors, short(one.seconds, 2), said])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 

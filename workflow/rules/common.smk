@@ -33,13 +33,9 @@ REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in (
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
 EFFECTS = (
-    "__init__ actuation amounts base contact drives environment friction gears masses native sensing sites "
+    "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing sites "
     "structure transmission"
 )
-CORE = (
-    "__init__ acting bounded colour commands coordinates copies disturbance evidence explain fit generalised judge late leap offer past player price problem "
-    "pulses scales score settle simulate starts steady tangent touch turned windows"
-).split()
 SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = ["quiet"] + [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
@@ -49,14 +45,19 @@ CASE = (
     "sensors sources start timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
-LAWS = ["quiet"] + [f"effects/{name}" for name in EFFECTS.split()] + [f"mismatch/{name}" for name in CORE]
-NAMING = [
-    f"mismatch/{name}"
-    for name in (
-        "accept calibrate callback curves diagnose export locate merge mjcf model name nameless naming pairs pooled replayed step tame weigh"
-    ).split()
-]
-OTHERS = ["knobs", "peers", "mismatch/blackbox", "mismatch/locate"]
+FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()
+SMOOTHER = "filtering kalman laws linear parameters prepare smoother states track".split()
+PROOF = ["quiet", "deciding", "recordings", "units", "diagnosis/freed", "diagnosis/proof"]
+PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
+PROOF += [f"effects/{name}" for name in "base drives gears native sites".split()]
+FINDING = [*PROOF, "smoothing/columns", *(f"effects/{name}" for name in EFFECTS.split())]
+FINDING += [f"selection/{name}" for name in "forward options regression search".split()]
+FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
+DESIGNING = [f"experiments/{name}" for name in "described design limits separation".split()]
+FORCED = [name for name in FINDING if name.partition("/")[0] not in ("diagnosis", "selection")]
+FORCED = [name for name in FORCED if name != "effects/classes"]
+FORCED += ["diagnosis/proof", "selection/forced", "selection/regression"]
+EXPORT = [f"export/{name}" for name in "callback mjcf model player replay".split()]
 STAGES = {
     "compile": MODEL,
     "trial": [*MODEL, "tables", "truth", "design", "search", "estimate", "trial"],
@@ -69,28 +70,18 @@ STAGES = {
         *RIGS,
         *(f"concealed/{name}" for name in "detect draw motions plan referee seal sizing split twins".split()),
     ],
-    "diagnose": [
-        *SHARED,
-        *LAWS,
-        *NAMING,
-        "units",
-        "concealed/blind",
-        *(f"mismatch/{name}" for name in "discriminate resolve separate".split()),
-    ],
-    "peers": [*SHARED, *LAWS, *OTHERS, "concealed/peers"],
-    "score": [*SHARED, *LAWS, *RIGS, "mismatch/insist"]
-    + [f"concealed/{name}" for name in "oracle places score seal".split()],
+    "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "experiments/resolve", "concealed/blind"],
+    "peers": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/peers"],
+    "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "oracle places score seal".split()],
     "measures": ["__init__", "tables", "concealed/__init__", "concealed/lines", "concealed/measures"],
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
     + "scene stage replay gif examples".split(),
-    "diagnose_recording": [*READ, *LAWS, *NAMING]
-    + [f"mismatch/{name}" for name in "discriminate per_run separate shape".split()]
-    + "tables looks scene stage gif motion film added_force report_figures report_look report_where".split()
-    + "experiment report report_contents report_numbers diagnose_recording effects/own".split(),
-    "compare_recording": [*READ, *OTHERS, "quiet", *(f"mismatch/{name}" for name in CORE), "mismatch/per_run", "tables"]
-    + [*(f"effects/{name}" for name in "base drives gears native sites".split()), "compare_recording"],
-    "recordings_summary": ["__init__", "tables", "rig_summary"],
+    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, "experiments/figures", "effects/own"]
+    + "tables looks scene stage gif motion film report_figures report_look report_numbers report_contents".split()
+    + "report diagnose_recording".split(),
+    "compare_recording": [*READ, *PROOF, "simulation/random_features"] + "knobs peers tables compare_recording".split(),
+    "recordings_summary": ["__init__", "tables", "report_numbers", "rig_summary"],
 }
 
 

@@ -36,6 +36,7 @@ rule diagnose_recording:
     output:
         page="<recordings>/{case}/report.html",
         found="<recordings>/{case}/diagnosis.json",
+        timing="<recordings>/{case}/timing.json",
     log:
         "<recordings>/logs/diagnose/{case}.log",
     wildcard_constraints:
@@ -73,6 +74,7 @@ rule compare_recording:
 rule recordings_summary:
     input:
         diagnoses=expand("<recordings>/{case}/diagnosis.json", case=CASES),
+        timings=expand("<recordings>/{case}/timing.json", case=CASES),
         compared=expand("<recordings>/compared/{case}.csv", case=CASES),
         code=code("recordings_summary"),
     output:

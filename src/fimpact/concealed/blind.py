@@ -14,13 +14,19 @@ import numpy as np
 
 from fimpact.concealed.archive import cases_in, load_recording
 from fimpact.concealed.rows import DONE, Arrays, Report, each, read_rows, runs_of
-from fimpact.mismatch.diagnose import Diagnosis, diagnose, to_json
-from fimpact.mismatch.discriminate import discriminate, limits, repeats
-from fimpact.mismatch.model import write_model
-from fimpact.mismatch.resolve import remaining, resolve, stated
+from fimpact.diagnosis.pipeline import Diagnosis, diagnose, to_json
+from fimpact.diagnosis.proof import QUICK, starts_of
+from fimpact.experiments.described import next_experiment
+from fimpact.experiments.design import repeats
+from fimpact.experiments.limits import limits
+from fimpact.experiments.resolve import remaining, resolve, stated
+from fimpact.export.model import Predicted, write_model
 from fimpact.recordings import Recording, Run
+from fimpact.simulation.horizon import predict_windows
+from fimpact.simulation.windows import cut
 
 WAYS = ("designed", "random")
+EXPORTED = 40  # windows in which the exported model is compared
 
 
 class Stopwatch:
@@ -33,7 +39,7 @@ class Stopwatch:
     def __call__(self, line: str) -> None:
         now = time.perf_counter()
         self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._since
-        self._stage, self._since = line.split()[0], now
+        self._stage, self._since = line.split()[0].rstrip(":"), now
         self._report(line)
 
 
@@ -47,8 +53,7 @@ def diagnose_case(recording: Recording, report: Report = lambda line: None) -> t
     watch = Stopwatch(report)
     diagnosis = diagnose(recording, watch)
     watch("exporting the improved model")
-    with TemporaryDirectory() as folder:
-        exported = write_model(diagnosis, folder).difference
+    exported = _exported(diagnosis)
     watch("designing the next experiment")
     commands, predicted = _experiments(diagnosis)
     watch("done")
@@ -56,12 +61,23 @@ def diagnose_case(recording: Recording, report: Report = lambda line: None) -> t
     return {"status": DONE, **to_json(diagnosis), **own}, commands
 
 
+def _exported(diagnosis: Diagnosis) -> float | None:
+    """Relative difference of the error of the exported model in plain MuJoCo, on runs that nothing was fitted to."""
+    recording, noise, simulator = diagnosis.recording, diagnosis.prepared.noise, diagnosis.simulator
+    runs = recording.held_out or recording.training
+    windows = cut(runs, round((recording.window or QUICK) / recording.period), EXPORTED)
+    starts = starts_of(recording, runs, noise, simulator)
+    prediction, states = predict_windows(simulator, diagnosis.best, windows, starts, noise)
+    with TemporaryDirectory() as folder:
+        predicted = Predicted(windows, *states, prediction)
+        return write_model(recording, diagnosis.best, folder, diagnosis.verdict, predicted).difference
+
+
 def _experiments(diagnosis: Diagnosis) -> tuple[Arrays, dict[str, float]]:
-    members = diagnosis.naming.contenders
-    if len(members) < 2:
+    best = next_experiment(diagnosis)
+    if best is None:
         return {}, {}
-    best = discriminate(diagnosis.bench, diagnosis.recording, members)
-    allowed = limits(diagnosis.bench, diagnosis.recording)
+    allowed = limits(diagnosis.recording, diagnosis.simulator.base, diagnosis.prepared.noise)
     rng = _own_rng(diagnosis.recording)
     random = allowed.unpack(allowed.draw(rng, 1, waves=bool(rng.integers(2)))[0])
     parts = {"designed": (best.ctrl, best.qpos, best.qvel), "random": random}

@@ -2,13 +2,15 @@
 
 import numpy as np
 
+from fimpact.concealed.rows import held_out_error
 from fimpact.concealed.truth import Truth
+from fimpact.diagnosis.proof import prove
 from fimpact.effects import EFFECTS
-from fimpact.mismatch.evidence import weigh_evidence
-from fimpact.mismatch.explain import naive_fit
-from fimpact.mismatch.insist import insisted
-from fimpact.mismatch.judge import bench
 from fimpact.recordings import Recording
+from fimpact.selection.forced import fit_forced
+from fimpact.simulation.simulator import Hypothesis
+from fimpact.smoothing.prepare import prepare
+from fimpact.smoothing.smoother import smooth
 
 
 def oracle_error(recording: Recording, truth: Truth) -> float | None:
@@ -18,12 +20,13 @@ def oracle_error(recording: Recording, truth: Truth) -> float | None:
         return None
     try:
         return _oracle(recording, truth)
-    except np.linalg.LinAlgError:  # a fit that breaks down costs the case its oracle, not the benchmark
+    except (np.linalg.LinAlgError, ValueError):  # a fit that breaks down costs the case its oracle, not the benchmark
         return None
 
 
-def _oracle(recording: Recording, truth: Truth) -> float:
-    made = bench(recording)
-    naive = naive_fit(made)
-    known = insisted(made, naive, [(EFFECTS[effect.name], effect.site) for effect in truth.effects])
-    return weigh_evidence(made, naive, known).after
+def _oracle(recording: Recording, truth: Truth) -> float | None:
+    prepared = prepare(recording)
+    naive = smooth(prepared.track, prepared.begun, prepared.noise)
+    known = fit_forced(prepared, naive, [(EFFECTS[effect.name], effect.site) for effect in truth.effects])
+    proof = prove(prepared, {"oracle": (prepared.track.simulator, Hypothesis(known.theta, known.placed))})
+    return held_out_error(proof.runs, "oracle") if proof else None

@@ -2,7 +2,7 @@
 
 - `mujoco.sysid` fits the naive model's parameters, from the model's own values and from the best of five draws; and
   the black-box residual: both as in `fimpact.peers`.
-- Refitting every candidate of the catalogue to convergence and choosing by BIC, with no screening.
+- Refitting every candidate of the catalogue to convergence and choosing by its likelihood, with no screening.
 """
 
 import time
@@ -13,20 +13,21 @@ from typing import Any
 import numpy as np
 
 from fimpact.concealed.archive import load_recording
-from fimpact.concealed.rows import Report, each
+from fimpact.concealed.rows import Report, each, held_out_error
+from fimpact.diagnosis.proof import prove
 from fimpact.effects import EFFECTS
 from fimpact.knobs import own_knobs
-from fimpact.mismatch.evidence import weigh_evidence
-from fimpact.mismatch.explain import Explanation, explain, naive_fit, refit
-from fimpact.mismatch.fit import Fit
-from fimpact.mismatch.judge import Bench, again, bench, settle
-from fimpact.mismatch.scales import scales
-from fimpact.mismatch.score import Candidate, proposals, screen
-from fimpact.mismatch.simulate import Hypothesis
-from fimpact.peers import fit_sysid, judge_black_box, require_sysid
+from fimpact.peers import black_box, fit_sysid, require_sysid
 from fimpact.recordings import Recording
+from fimpact.selection.forced import fit_forced
+from fimpact.selection.regression import Regression
+from fimpact.simulation.simulator import Hypothesis
+from fimpact.smoothing.columns import candidates, columns, motion_scales
+from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.smoother import Smoothed, smooth
 
 STARTS, SPREAD = 5, 3.0  # of mujoco.sysid, and prior standard deviations within which they are drawn
+NOTHING = "none"
 
 
 def compare_part(
@@ -48,75 +49,55 @@ def compare_part(
 
 def compare(recording: Recording, peers: Sequence[str], report: Report = lambda line: None) -> dict[str, Any]:
     """Held-out error and seconds of each of the `peers` on one recording."""
-    made = bench(recording)
-    naive = naive_fit(made)
+    prepared = prepare(recording)
+    naive = smooth(prepared.track, prepared.begun, prepared.noise)
     out = {}
     for name in peers:
-        report(f"{name} of {len(made.training.windows.runs)} windows")
+        report(f"{name} of {prepared.track.count} samples")
         since = time.perf_counter()
-        out |= COMPARATORS[name](made, naive)
+        out |= COMPARATORS[name](prepared, naive)
         out[f"{name}_seconds"] = time.perf_counter() - since
     return out
 
 
-def held_out_error(made: Bench, naive: Explanation, other: Explanation) -> float:
-    """Root mean square held-out error of `other`, in standard deviations of the noise."""
-    return weigh_evidence(made, naive, other).after
+def _error(prepared: Prepared, hypothesis: Hypothesis) -> float | None:
+    proof = prove(prepared, {"peer": (prepared.track.simulator, hypothesis)})
+    return held_out_error(proof.runs, "peer") if proof else None
 
 
-def _judged(made: Bench, naive: Explanation, hypothesis: Hypothesis) -> float:
-    return _error(made, naive, settle(made.held_out, hypothesis, naive.judged.point))
-
-
-def _error(made: Bench, naive: Explanation, judged: Fit) -> float:
-    """Held-out error of `judged`, its initial states and the time step's error sought as for our own models."""
-    before = made.offsets
-    error = held_out_error(made, naive, explain(naive.fitted, again(made, made.held_out, judged)))
-    made.restore(before)
-    return error
-
-
-def _sysid(made: Bench, naive: Explanation) -> dict[str, float]:
+def _sysid(prepared: Prepared, naive: Smoothed) -> dict[str, Any]:
     rng = np.random.default_rng(0)
-    knobs = own_knobs(made.training)
+    knobs = own_knobs(prepared)
     draws = rng.uniform(-SPREAD, SPREAD, (STARTS, len(knobs.start)))
     draws[0] = 0.0
-    found = [fit_sysid(made.training, knobs, knobs.start + knobs.scale * draw) for draw in draws]
-    single = _judged(made, naive, Hypothesis(found[0][1]))
+    found = [fit_sysid(prepared, knobs, knobs.start + knobs.scale * draw) for draw in draws]
     best = min(found, key=lambda pair: pair[0])
-    return {"heldout_sysid": single, "heldout_sysid_five": _judged(made, naive, Hypothesis(best[1]))}
+    single, five = (_error(prepared, Hypothesis(theta)) for theta in (found[0][1], best[1]))
+    return {"heldout_sysid": single, "heldout_sysid_five": five}
 
 
-def _refit_all(made: Bench, naive: Explanation) -> dict[str, Any]:
-    problem, point = made.training, naive.fitted.point
-    tried = proposals(list(EFFECTS.values()), problem, scales(problem, point))
+def _refit_all(prepared: Prepared, naive: Smoothed) -> dict[str, Any]:
+    """The marginal likelihood counts what a parameter costs, as its approximation BIC does."""
     since = time.perf_counter()
-    screened = screen(problem, naive.fitted, tried)
+    tried = candidates(list(EFFECTS.values()), prepared.track, motion_scales(naive))
+    Regression(naive, columns(naive, tried))
     screening = time.perf_counter() - since
-    best: dict[str, Candidate] = {}
-    for candidate in sorted(screened, key=lambda c: -c.gain):
-        best.setdefault(candidate.placed.name, candidate)
-    refitted = [naive, *(refit(made, naive, c) for c in best.values())]
-    chosen = min(refitted, key=lambda e: _criterion(made, e))
+    places = list(dict.fromkeys((candidate.effect.name, candidate.site) for candidate in tried))
+    fits = {NOTHING: naive}
+    fits |= {f"{name}@{site}": fit_forced(prepared, naive, [(EFFECTS[name], site)]) for name, site in places}
+    chosen = min(fits, key=lambda name: fits[name].loss if fits[name].converged else np.inf)
+    best = fits[chosen]
     return {
         "screening_seconds": screening,
-        "refits": len(best),
-        "screened": len(screened),
-        "answer_refit_all": chosen.name,
-        "heldout_refit_all": _error(made, naive, chosen.judged),
+        "refits": len(places),
+        "screened": len(tried),
+        "answer_refit_all": chosen,
+        "heldout_refit_all": _error(prepared, Hypothesis(best.theta, best.placed)),
     }
 
 
-def _criterion(made: Bench, explanation: Explanation) -> float:
-    """BIC of the training windows."""
-    samples = np.isfinite(made.training.windows.measured).sum()
-    total = explanation.fitted.point.squares.sum()
-    price = np.log(samples) * len(explanation.fitted.coordinates.scale)
-    return float(total + price) if np.isfinite(explanation.deviance) else np.inf
-
-
-def _blackbox(made: Bench, naive: Explanation) -> dict[str, float]:
-    return {"heldout_blackbox": _error(made, naive, judge_black_box(made, naive))}
+def _blackbox(prepared: Prepared, naive: Smoothed) -> dict[str, Any]:
+    return {"heldout_blackbox": _error(prepared, black_box(naive))}
 
 
 COMPARATORS = {"sysid": _sysid, "blackbox": _blackbox, "refit_all": _refit_all}

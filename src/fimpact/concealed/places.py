@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 ON_JOINT = mujoco.mjtTrn.mjTRN_JOINT
-FREE, RARE = "free", 1 / 3  # share of the strongest mode below which another mode is clean
 
 
 def places(model: mujoco.MjModel, channels: Sequence[str], site: str) -> set[str]:
@@ -56,10 +55,3 @@ def _body(model: mujoco.MjModel, site: str) -> set[str]:
         return set()
     first = model.body_jntadr[body]
     return {model.joint(i).name for i in range(first, first + model.body_jntnum[body])}
-
-
-def mode_claimed(modes: dict[str, float]) -> str:
-    """contact where free motion is clean beside a contact mode, any where it is not, "" where only one mode was met."""
-    if len(modes) < 2 or max(modes.values()) <= 0:
-        return ""
-    return "contact" if modes.get(FREE, 0.0) < RARE * max(modes.values()) else "any"

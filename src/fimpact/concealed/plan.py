@@ -20,7 +20,12 @@ class Case:
 
 
 def case_names(settings: dict[str, Any]) -> list[str]:
-    """Names of all cases; they say nothing about what is in them."""
+    """Names of the cases, the first `share` of all; they say nothing about what is in them."""
+    every = _every_name(settings)
+    return every[: ceil(settings.get("share", 1.0) * len(every) - 1e-9)]
+
+
+def _every_name(settings: dict[str, Any]) -> list[str]:
     count = sum(settings["cases"].values())
     return [f"{number:0{len(str(count))}d}" for number in range(1, count + 1)]
 
@@ -35,10 +40,11 @@ def plan(settings: dict[str, Any]) -> list[Case]:
     order = np.random.default_rng([settings["seed"], 0]).permutation(len(drawn))
     every = set(settings["rigs"]) == set(RIGS)
     rigs = [""] if every else settings["rigs"]
-    return [
+    found = [
         Case(name, kind, index // len(rigs), rigs[index % len(rigs)])
-        for name, (kind, index) in zip(case_names(settings), (drawn[i] for i in order), strict=True)
+        for name, (kind, index) in zip(_every_name(settings), (drawn[i] for i in order), strict=True)
     ]
+    return found[: len(case_names(settings))]
 
 
 def compared(settings: dict[str, Any], key: str = "compared") -> list[str]:
@@ -47,6 +53,7 @@ def compared(settings: dict[str, Any], key: str = "compared") -> list[str]:
     Args:
         key: the share's, ``compared``, ``refitted`` or ``played``; the smaller share is part of the larger.
     """
-    every = case_names(settings)
+    every = _every_name(settings)
     count = ceil(settings[key] * len(every) - 1e-9)
-    return sorted(np.random.default_rng([settings["seed"], 1]).permutation(every)[:count].tolist())
+    chosen = np.random.default_rng([settings["seed"], 1]).permutation(every)[:count].tolist()
+    return sorted(set(chosen) & set(case_names(settings)))

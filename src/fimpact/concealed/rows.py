@@ -42,6 +42,12 @@ def each(
         yield row
 
 
+def held_out_error(runs: Iterable[dict[str, Any]], model: str) -> float | None:
+    """Root mean square error of a `model` over held-out `runs`, as a proof has them, in sd of noise; None: no runs."""
+    errors = [np.inf if run[f"error_{model}"] is None else run[f"error_{model}"] / run["noise_floor"] for run in runs]
+    return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+
+
 def read_rows(path: str | Path) -> dict[str, dict[str, Any]]:
     """Rows of a JSONL file by their case."""
     lines = Path(path).read_text(encoding="utf-8").split("\n")  # splitlines would break at a text's own separators

@@ -13,8 +13,8 @@ import pandas as pd
 
 from fimpact.concealed.archive import load_recording
 from fimpact.concealed.oracle import oracle_error
-from fimpact.concealed.places import mode_claimed, places
-from fimpact.concealed.rows import Report, each, read_rows
+from fimpact.concealed.places import places
+from fimpact.concealed.rows import Report, each, held_out_error, read_rows
 from fimpact.concealed.seal import open_seal
 from fimpact.concealed.truth import Planted, Truth
 from fimpact.effects import EFFECTS
@@ -30,7 +30,7 @@ PEERS = (
 ).split()
 STAGES = ("conceal", "diagnosis", "resolved", "peers")
 NOTHING = "none"
-SILENT: dict[str, Any] = {"answer": NOTHING, "answer_set": [NOTHING], "confidence": {}, "members": [], "seconds": {}}
+SILENT: dict[str, Any] = {"answer": NOTHING, "answer_set": [NOTHING], "seconds": {}}
 
 
 def score_case(
@@ -45,7 +45,7 @@ def score_case(
     row = SILENT | told["diagnosis"]
     planted = planted_name(truth.effects)
     named = [part for part in row["answer"].split("+") if "@" in part]
-    evidence = row.get("evidence", {})
+    held = row.get("held_out", {}).get("runs", [])
     model = mujoco.MjModel.from_xml_string(recording.xml)
     return {
         "case": case,
@@ -59,23 +59,23 @@ def score_case(
         "answer": row["answer"],
         "answer_set": "|".join(row["answer_set"]),
         "located": _located(model, recording, truth, row, named),
-        "heldout_before": evidence.get("before"),
-        "heldout_after": evidence.get("after"),
+        "heldout_before": held_out_error(held, "naive"),
+        "heldout_after": held_out_error(held, "improved"),
         "heldout_oracle": oracle_error(recording, truth) if oracle and truth.effects else None,
         "heldout_blackbox": told.get("peers", {}).get("heldout_blackbox"),
-        "noise_floor": evidence.get("noise_floor"),
+        "noise_floor": 1.0 if held else None,
         "seconds": sum(row["seconds"].values()) or row.get("job_seconds"),
         "status": row["status"],
         "truth": planted,
         "rival": planted_name([truth.rival]) if truth.rival else None,
         "lambda": truth.lam,
         "kappa_unknown": truth.kappa_unknown,
-        "confidence": row["confidence"].get(row["answer"]),
+        "confidence": row.get("confidence"),
         "p": row.get("p"),
-        "left": row.get("left"),
+        "left": row.get("remainder", {}).get("share"),
         "right": row["answer"] == planted,
         "partly": any(name in named for name in planted.split("+")),
-        "in_set": planted in row["answer_set"],
+        "in_set": planted in (row["answer"], *row["answer_set"]),
         **_where(model, recording, truth, row),
         **_held(truth, row),
         "exported": row.get("exported"),
@@ -113,18 +113,20 @@ def _located(model, recording: Recording, truth: Truth, row, named: list[str]) -
 
 
 def _first_place(row) -> set[str]:
-    found = row.get("location", {}).get("places", [])
-    return {found[0]["name"]} if found else set()
+    """The joint where the naive model lacks the largest share of what is applied."""
+    rows = row.get("missing_force", [])
+    return {_joint(max(rows, key=lambda r: r["naive"] / max(r["applied"], 1e-12)))} if rows else set()
+
+
+def _joint(row) -> str:
+    return row["joint"].partition("[")[0]
 
 
 def _where(model, recording: Recording, truth: Truth, row) -> dict[str, Any]:
-    """What the residual alone says before anything is named: its first place; and the contact mode, the answer's where
-    it has a name, or else the residual's."""
-    first, modes = _first_place(row), row.get("location", {}).get("modes", {})
+    """What the missing force alone says before anything is named: its place; and the contact mode of the answer."""
+    first, claimed = _first_place(row), row.get("acts_in")
     wanted = places(model, recording.channels, truth.effects[0].site) if truth.effects else set()
-    listed = {place["name"] for place in row.get("location", {}).get("places", [])}
-    alone = mode_claimed(modes)
-    claimed = alone and (row.get("acts_in") or alone)
+    listed = {_joint(own) for own in row.get("missing_force", [])}
     judged = truth.kind == "single" and bool(claimed) and truth.mode != "free"
     return {
         "place": next(iter(first), None),
@@ -138,7 +140,7 @@ def _held(truth: Truth, row) -> dict[str, int | None]:
     """Of the effect's intervals, how many there are and how many hold the planted value, where the name is right."""
     if not truth.effects or row["answer"] != planted_name(truth.effects):
         return {"intervals": None, "covered": None}
-    stated = {(p["of"], p["name"]): (p["low"], p["high"]) for p in row["parameters"]}
+    stated = {(e["name"], c["name"]): (c["low"], c["high"]) for e in row["effects"] for c in e["coefficients"]}
     pairs = [
         (stated[f"{e.name}@{e.site}", name], value)
         for e in truth.effects

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import P_ALARM, REFINES, SHARE
+from fimpact.deciding import P_ALARM, REFINES, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
@@ -22,9 +22,11 @@ RIVALS = 4  # refitted beside the best in a round
 
 @dataclass(frozen=True)
 class Alternative:
-    """An explanation in place of the last one chosen, refitted: its effects and its weight beside the answer's 1."""
+    """An explanation in place of the last one chosen, refitted: its effects, the unknowns with them, (p,), and its weight
+    beside the answer's 1."""
 
     placed: tuple[Placed, ...]
+    theta: np.ndarray
     weight: float
 
 
@@ -56,6 +58,7 @@ class Search:
         self.rounds: list[Round] = []
         self.alternatives: list[Alternative] = []
         self.dropped: set[str] = set()
+        self.failed: set[str] = set()
 
     def open(self, small: bool) -> list[Candidate]:
         """Candidates that are not in; small: only refinements of what is."""
@@ -81,6 +84,7 @@ class Search:
             return False
         regression = Regression(self.current, columns(self.current, tried))
         offered = options(self.track.model, self.track.recording.channels, tried)
+        offered = [option for option in offered if option.name not in self.failed]
         missing = (self.current.tau**2).sum(0) if small else self.missing
         found = search(regression, offered, missing, REFINES if small else SHARE)
         if found.chosen is None and self.rounds:
@@ -93,9 +97,10 @@ class Search:
         best = self.refitted(regression, chosen)
         best = self._among_rivals(regression, found, best)
         best = self.pruned(best, missing if small else self.missing, small)
-        self.dropped |= {p.name for p in best.placed} - {p.name for p in before.placed} if not best.converged else set()
         self.current = best if best.converged else before
-        self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in self.current.placed}
+        if best.converged:
+            self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in self.current.placed}
+        self.failed.add(chosen.option.name)
         return True
 
     def refitted(self, regression: Regression, trial: Trial) -> Smoothed:
@@ -119,11 +124,10 @@ class Search:
         spread = regression.dispersion
         losses = np.where(np.isfinite(losses), losses, np.inf)
         weights = np.exp(-(losses - losses.min()) / spread) if np.isfinite(losses.min()) else np.ones(len(fits))
-        first = int(np.argmax(weights))
-        if weights[0] > np.exp(-0.5):
-            first = 0
+        as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
+        first = min(as_good, key=lambda i: (len(fits[i].numbers), i))
         self.alternatives = [
-            Alternative(fit.placed, float(w)) for i, (fit, w) in enumerate(zip(fits, weights, strict=True)) if i != first
+            Alternative(fit.placed, fit.theta, float(w / weights[first])) for i, (fit, w) in enumerate(zip(fits, weights, strict=True)) if i != first and w > UNLIKELY * weights[first]
         ]
         return fits[first]
 

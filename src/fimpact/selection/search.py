@@ -6,9 +6,10 @@ the earlier in the engineer's order; all that data cannot tell from it is its se
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from fimpact.deciding import P_ALARM, TIED, UNLIKELY
 from fimpact.selection.options import Option
@@ -21,7 +22,7 @@ class Trial:
 
     p: chance of its gain over all that was tried. gain, error: predicted on stretches that were not fitted, in squared
     innovations, and its standard error. share, place: largest share of the missing force that it takes away, and the
-    degree of freedom where. errors: (stretches,) squared innovations left.
+    degree of freedom where. errors: (stretches,) squared innovations left. places: ``effect@site`` of what is kept of it.
     """
 
     option: Option
@@ -32,6 +33,7 @@ class Trial:
     share: float
     place: int
     errors: np.ndarray
+    places: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,8 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     behind = [(t, lag(regression, best, t)) for t in good]
     tied = [t for t, own in behind if own < TIED or t.option.compound]
     chosen = min(tied, key=lambda t: (t.option.order, -t.gain))
-    weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t is not chosen]
+    chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
+    weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t.option is not chosen.option]
     rivals = sorted((pair for pair in weights if pair[1] > UNLIKELY), key=lambda pair: -pair[1])
     return Round(chosen, tuple(rivals), tuple(tried))
 
@@ -80,7 +83,21 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     taken = (forces - regression.forces_left(found)).sum(0) / np.maximum(missing, 1e-300)
     place, better = int(np.argmax(taken)), errors - left
     error = float(better.std() * np.sqrt(len(better)))
-    return Trial(option, found, p, float(better.sum()), error, float(taken[place]), place, left)
+    names = [regression.columns.candidates[owners[c - regression.p][0]].name for c in found.kept if c >= regression.p]
+    places = tuple(dict.fromkeys(names))
+    return Trial(option, found, p, float(better.sum()), error, float(taken[place]), place, left, places)
+
+
+def backward(regression: Regression, before: Estimate, found: Estimate) -> Estimate:
+    """Drop columns that were added, one after the other, whose absence costs no more than chance."""
+    while True:
+        added = [c for c in found.kept if c not in before.kept]
+        tried = [(regression.proper([k for k in found.kept if k != c]), c) for c in added]
+        odds = [(chance(*regression.gain(without, found), 1), without) for without, _ in tried]
+        worst = max(odds, key=lambda pair: pair[0], default=(0.0, found))
+        if worst[0] <= P_ALARM or len(added) < 2:
+            return found
+        found = worst[1]
 
 
 def lag(regression: Regression, best: Trial, other: Trial) -> float:
@@ -96,8 +113,8 @@ def lag(regression: Regression, best: Trial, other: Trial) -> float:
 
 @dataclass(frozen=True)
 class Worth:
-    """What one number of a fit is worth: chance of so much of it where there is none, and the largest share of the
-    missing force that returns without it."""
+    """What one number of a fit is worth: chance of so much of it where there is none, and the square of its force, as the
+    largest share of what was missing at a place; 1 of what acts on readings only."""
 
     p: float
     share: float
@@ -106,17 +123,12 @@ class Worth:
 def worth(regression: Regression, column: int, step: float, missing: np.ndarray) -> Worth:
     """What the number in `column` is worth; `step` of its coordinate takes it away."""
     kept = tuple(range(regression.p))
-    whole = regression.gram[:, :, : len(kept)][:, : len(kept)].sum(0) / regression.dispersion
-    whole = whole + np.diag(regression.weight[: len(kept)])
-    rest = [c for c in kept if c != column]
-    change = np.zeros(len(kept))
-    change[column] = step
-    if rest:
-        change[rest] = -np.linalg.lstsq(whole[np.ix_(rest, rest)], whole[rest, column], rcond=1e-12)[0] * step
     estimate = Estimate(kept, np.zeros(len(kept)), 0.0, np.zeros((0, len(kept))))
     variance = regression.covariance(estimate)[column, column]
-    p = chance(step**2 / max(variance, 1e-300), 1.0, 1)
-    rows = regression.columns.forces
-    base, returned = rows[:, :, 0], rows[:, :, 0] - rows[:, :, 1 : 1 + len(kept)] @ change
-    gone = (returned**2).sum(0) - (base**2).sum(0)
-    return Worth(p, float((gone / np.maximum(missing, 1e-300)).max()))
+    p = float(2 * stats.t.sf(abs(step) / np.sqrt(max(variance, 1e-300)), max(regression.count - 1, 1)))
+    linear, nv = regression.smoothed.linear, regression.smoothed.track.model.nv
+    push = linear.advance[:, nv : 2 * nv, -nv:]
+    force = (np.linalg.pinv(push, rcond=1e-9) @ linear.offsets[:, nv : 2 * nv, 1 + column, None])[:, :, 0] * step
+    if not force.any():  # of what is read, not of what acts
+        return Worth(p, 1.0)
+    return Worth(p, float(((force**2).sum(0) / np.maximum(missing, 1e-300)).max()))

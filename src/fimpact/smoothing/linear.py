@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Placed
+from fimpact.effects.sites import ON_JOINT
 from fimpact.smoothing.parameters import Parameter, placed_of, theta_of
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Plant, Step, Track
@@ -85,13 +86,23 @@ def moved(track: Track, numbers, placed, index: int, states: States, tau, doubt,
 
 
 def heavier(after: mujoco.MjModel, before: mujoco.MjModel) -> np.ndarray:
-    """By how much the inertia that each degree of freedom feels has grown, (nv,).
+    """By how much the inertia that each degree of freedom feels has grown, (nv,); 1 where a motor is.
 
-    The missing force grows with it. Held as it is, it would be explained by a lighter model: least squares of forces
-    that are all unknown has the solution that nothing weighs anything. With the acceleration held, they are the maximum
-    of the likelihood.
+    Where nothing applied is known, forces are known up to their scale only, and least squares of them has the solution
+    that nothing weighs anything. There the missing force grows with the inertia: its acceleration is held.
     """
-    return before.dof_invweight0 / np.maximum(after.dof_invweight0, 1e-300)
+    grown = before.dof_invweight0 / np.maximum(after.dof_invweight0, 1e-300)
+    return np.where(driven(before), 1.0, grown)
+
+
+def driven(model: mujoco.MjModel) -> np.ndarray:
+    """Whether a motor acts on each degree of freedom, (nv,)."""
+    out = np.zeros(model.nv, bool)
+    for motor in range(model.nu):
+        if model.actuator_trntype[motor] != ON_JOINT:
+            return np.ones(model.nv, bool)
+        out |= model.dof_jntid == model.actuator_trnid[motor, 0]
+    return out
 
 
 def _starts(track: Track, states: States) -> tuple[np.ndarray, np.ndarray]:

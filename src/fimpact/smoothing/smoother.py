@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from fimpact.deciding import FALL, LOUDER, ROUNDS, STILL, SWITCH, TRUST
 from fimpact.effects.base import Placed
@@ -129,15 +130,10 @@ def smooth(
             linear = _linear(track, numbers, fixed, placed, states, tau, doubt)
         loud = anneal[k] if k < len(anneal) else 1.0
         levels = replace(levels, louder=np.where(track.late, loud, 1.0))
-        share = _trusted(numbers, solve(track, linear, levels, tau, numbers).step)
-        shift = np.inf
-        if share == 1:  # levels are those of the whole step, or of none
-            levels, shift = _levels(linear, levels, tau, numbers, noise, pace, track)
+        levels, shift = _levels(linear, levels, tau, numbers, noise, pace, track)
         found = solve(track, linear, levels, tau, numbers)
         if not np.isfinite(found.chi2):
             break
-        share = _trusted(numbers, found.step)
-        found = replace(found, step=share * found.step, change=share * found.change)
         change = _moves(linear, levels, found, track)
         n = track.space.size
         states, tau = track.space.plus(states, found.change[:, :n]), tau + found.change[:, n:]
@@ -168,12 +164,6 @@ def _linear(track, numbers, fixed, placed, states, tau, doubt, like: Linear | No
     if numbers:
         return linearise(track, numbers, placed, states, tau, doubt)
     return linearise(track, [], placed_of(fixed, placed), states, tau, doubt, theta_of(fixed))
-
-
-def _trusted(numbers: Sequence[Parameter], step: np.ndarray) -> float:
-    """The share of a step that moves no number in logarithms by more than `TRUST`: a tangent holds no further."""
-    most = max((abs(s) for n, s in zip(numbers, step, strict=True) if n.log), default=0.0)
-    return min(1.0, float(np.log(TRUST) / most)) if most > 0 else 1.0
 
 
 def _farthest(found: Solved) -> float:
@@ -209,7 +199,7 @@ def solve(track: Track, linear: Linear, levels: Levels, tau: np.ndarray, numbers
         1,
     )
     known = np.isfinite(own.sd)
-    prior = sum(2 * np.log(n.sd / (n.value if n.log else 1.0)) for n in numbers if np.isfinite(n.sd) and n.value)
+    prior = _occam(numbers, information, int(known.sum()))
     volume = np.linalg.slogdet(information)[1] if len(information) and np.isfinite(chi2) else 0.0
     loss = 0.5 * (2 * np.log(own.sd[known]).sum() + chi2 + volume + prior)
     return Solved(own, step, change, adjoint[:, :, 0], errors[:, :, 0], information, float(chi2), float(loss))
@@ -232,9 +222,36 @@ def normal(innovations: np.ndarray, numbers: Sequence[Parameter]) -> tuple[np.nd
     right = (columns.T @ data + weight * pull) / scale
     if not (np.isfinite(information).all() and np.isfinite(right).all()):
         return np.full(len(numbers), np.nan), np.inf, information
-    step = np.linalg.lstsq(information / np.outer(scale, scale), right, rcond=1e-12)[0] / scale
+    step = _within(information / np.outer(scale, scale), right, *(scale * b for b in _reach(numbers))) / scale
     left, own = data - columns @ step, pull - weight * step
     return step, float(left @ left + own @ own), information
+
+
+def _occam(numbers: Sequence[Parameter], information: np.ndarray, count: int) -> float:
+    """What the priors of the numbers cost: their width, or where nothing is known, that of one reading (BIC)."""
+    cost = 0.0
+    for n, own in zip(numbers, np.diag(information), strict=True):
+        told = np.isfinite(n.sd) and n.slope
+        cost += 2 * np.log(n.sd / abs(n.slope)) if told else np.log(count) - np.log(max(own, 1e-300))
+    return cost
+
+
+def _reach(numbers: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+    """How far each coordinate may go in a step, down and up, (p,) each."""
+    far = np.log(TRUST)
+    low = [-far if n.log else n.low - n.value for n in numbers]
+    high = [far if n.log else n.high - n.value for n in numbers]
+    return np.array(low) - 1e-12, np.array(high) + 1e-12
+
+
+def _within(matrix: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The minimum of the quadratic form, (p,), within bounds: what is held at one does not hold the others back."""
+    step = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+    if np.all((step >= low) & (step <= high)):
+        return step
+    values, axes = np.linalg.eigh(matrix)
+    root = np.sqrt(np.maximum(values, 1e-12 * values.max()))
+    return lsq_linear(root[:, None] * axes.T, axes.T @ right / root, (low, high), method="bvls").x
 
 
 def _moves(linear: Linear, levels: Levels, found: Solved, track: Track) -> float:

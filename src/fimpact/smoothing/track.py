@@ -45,6 +45,7 @@ class Track:
         self.last = np.zeros(self.count, bool)
         self.last[self.bounds[1:] - 1] = True
         self.run_of = np.repeat(np.arange(len(runs)), self.lengths)
+        self.steps = 0  # simulated so far
         self.time = np.concatenate([np.arange(length) * self.period for length in self.lengths])
 
     @cached_property
@@ -97,8 +98,14 @@ class Track:
             after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
         return Step(after, readings)
 
+    @property
+    def quanta(self) -> float:
+        """What was simulated so far, in simulations of all samples at the model's own time step."""
+        return self.steps / (self.count * self.simulator.substeps)
+
     def _ahead(self, model: mujoco.MjModel, states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
         substeps = round(self.period / model.opt.timestep)
+        self.steps += substeps * len(states)
         if ctrl.shape[1] > 1:
             ctrl = np.repeat(ctrl, substeps // ctrl.shape[1], 1)
         ctrl = ctrl[:, 0] if ctrl.shape[1] == 1 else ctrl

@@ -1,0 +1,1 @@
+"""Diagnosis: from a recording to what may be said of it, with its proof."""

@@ -1,0 +1,197 @@
+"""All stages in their order: from a recording to a diagnosis that can be written down."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fimpact.deciding import FLOOR
+from fimpact.diagnosis.findings import CERTAIN, POSSIBLE, Finding, findings, parameter_rows
+from fimpact.diagnosis.freed import fit_freed
+from fimpact.diagnosis.notes import notes_on
+from fimpact.diagnosis.proof import Proof, prove
+from fimpact.diagnosis.remainder import missing_rows, picture, remainder
+from fimpact.diagnosis.wording import verdict
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.recordings import Recording
+from fimpact.selection.forward import Explanation, explain
+from fimpact.selection.search import Round
+from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.smoothing.prepare import Prepared, prepare
+
+SCHEMA = 3
+MOST_ROUNDS = 5  # of what was tried next in a round that are told
+NONE, UNNAMED = "none", "unnamed"
+
+
+@dataclass(frozen=True)
+class Member:
+    """One explanation that the recordings leave: its name, ``effect@site`` joined by +, its hypothesis, its weight."""
+
+    name: str
+    hypothesis: Hypothesis
+    weight: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What every stage found; `verdict` says it in a few short sentences."""
+
+    recording: Recording
+    prepared: Prepared
+    explanation: Explanation
+    naive: Hypothesis
+    best: Hypothesis
+    members: tuple[Member, ...]
+    effects: tuple[Finding, ...]
+    parameters: list[dict[str, Any]]
+    proof: Proof | None
+    remainder: dict[str, Any]
+    notes: tuple[str, ...]
+    answer: str
+    verdict: str
+
+    @property
+    def simulator(self) -> Simulator:
+        """Simulates the training runs' model."""
+        return self.prepared.track.simulator
+
+    @property
+    def answer_set(self) -> list[str]:
+        """Names of all that the recordings leave, the answer first."""
+        return [member.name for member in self.members] or [self.answer]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fits behind the answer converged."""
+        return self.explanation.naive.converged and self.explanation.final.converged
+
+
+def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line: None) -> Diagnosis:
+    """Smooth, select, prove.
+
+    Args:
+        progress: receives one line at the start of each piece of work.
+    """
+    progress("preparing the recordings")
+    prepared = prepare(recording)
+    found = explain(prepared.track, prepared.begun, prepared.noise, list(EFFECTS.values()), progress)
+    naive, best = Hypothesis(found.naive.theta), Hypothesis(found.final.theta, found.final.placed)
+    models = {"naive": (prepared.track.simulator, naive), "improved": (prepared.track.simulator, best)}
+    if recording.held_out:
+        progress("proving on held-out runs")
+        models["freed"] = fit_freed(prepared, lambda line: None)
+    proof = prove(prepared, models)
+    rows = parameter_rows(found.final, recording)
+    effects = findings(found.final, found.main, rows)
+    members = _members(found)
+    left = remainder(prepared, found, proof)
+    notes = notes_on(prepared, found)
+    answer = _answer(effects, left)
+    missing = answer != NONE
+    words = verdict(effects, [m.name for m in members[1:]], missing, left["sentence"] if missing else "", notes)
+    return Diagnosis(
+        recording, prepared, found, naive, best, members, effects, rows, proof, left, tuple(notes), answer, words
+    )  # fmt: skip
+
+
+def _answer(effects: Sequence[Finding], left: dict[str, Any]) -> str:
+    named = sorted(f.name for f in effects if f.tier == CERTAIN) or sorted(
+        f.name for f in effects if f.tier == POSSIBLE
+    )
+    return "+".join(named) or (UNNAMED if left["unnamed"] else NONE)
+
+
+def _members(found: Explanation) -> tuple[Member, ...]:
+    def name(placed: Sequence[Placed]) -> str:
+        return "+".join(sorted(p.name for p in placed))
+
+    if not found.final.placed:
+        return ()
+    own = [Member(name(found.final.placed), Hypothesis(found.final.theta, found.final.placed), 1.0)]
+    for other in found.alternatives:
+        if other.placed and name(other.placed) not in [m.name for m in own]:
+            own.append(Member(name(other.placed), Hypothesis(other.theta, other.placed), other.weight))
+    return tuple(own)
+
+
+def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Everything a report shows, in plain types; the same diagnosis gives the same bytes."""
+    found, total = diagnosis.explanation, sum(m.weight for m in diagnosis.members)
+    placed = found.final.placed
+    return plain({
+        "schema": SCHEMA,
+        "verdict": diagnosis.verdict,
+        "answer": diagnosis.answer,
+        "answer_set": diagnosis.answer_set,
+        "confidence": 1 / total if total else 1.0,
+        "members": [{p.name: p.values for p in m.hypothesis.placed} for m in diagnosis.members],
+        "p": found.p,
+        "acts_in": ("contact" if all(p.effect.touching for p in placed) else "any") if placed else None,
+        "runs": [run.name for run in diagnosis.recording.runs],
+        "converged": diagnosis.converged,
+        "quanta": diagnosis.prepared.track.quanta,
+        "effects": [_effect(finding) for finding in diagnosis.effects],
+        "parameters": [row for row in diagnosis.parameters if row["before"] is not None],
+        "rounds": [_round(r, diagnosis) for r in found.rounds],
+        "missing_force": missing_rows(found),
+        "missing_force_held_out": diagnosis.remainder["held_out"],
+        "remainder": {k: v for k, v in diagnosis.remainder.items() if k != "held_out"},
+        "notes": list(diagnosis.notes),
+        "held_out": _proof(diagnosis.proof),
+        "picture": picture(diagnosis.prepared, found),
+    })  # fmt: skip
+
+
+def plain(value: Any) -> Any:
+    """Numbers as Python has them; None for what is no number."""
+    if isinstance(value, dict):
+        return {str(key): plain(own) for key, own in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(own) for own in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _effect(finding: Finding) -> dict[str, Any]:
+    rows = [
+        {"name": r["name"], "unit": r["unit"], "value": r["after"], "low": r["low"], "high": r["high"]}
+        for r in finding.rows
+    ]
+    return {
+        "effect": finding.effect, "site": finding.site, "name": finding.name, "tier": finding.tier,
+        "coefficients": rows, "why_not": finding.why_not,
+    }  # fmt: skip
+
+
+def _round(made: Round, diagnosis: Diagnosis) -> dict[str, Any]:
+    chosen = made.chosen
+    following = [[t.option.name, t.gain] for t in made.tried if not chosen or t.option is not chosen.option][:MOST_ROUNDS]
+    if chosen is None:
+        return {"class": None, "places": [], "gain": 0.0, "se": 0.0, "share": 0.0, "place": "", "next": following}
+    dofs = diagnosis.simulator.base
+    place = dofs.joint(int(dofs.dof_jntid[chosen.place])).name
+    return {
+        "class": chosen.option.name, "places": list(chosen.places), "gain": chosen.gain, "se": chosen.error,
+        "share": chosen.share, "place": place, "next": following,
+    }  # fmt: skip
+
+
+def _proof(proof: Proof | None) -> dict[str, Any]:
+    if proof is None:
+        return {"unit": "", "noise_floor": None, "horizons": [], "runs": [], "curve": {}}
+    return {
+        "unit": proof.unit, "noise_floor": proof.noise_floor, "horizons": proof.horizons, "runs": list(proof.runs),
+        "curve": proof.curves,
+    }  # fmt: skip
+
+
+def is_at_floor(proof: Proof | None) -> bool:
+    """Whether the naive model predicts held-out runs as well as noise lets anything."""
+    if proof is None:
+        return False
+    errors = [row["error_naive"] for row in proof.runs]
+    return bool(errors) and all(e is not None and e < FLOOR * proof.noise_floor for e in errors)

@@ -1,0 +1,57 @@
+"""Diagnoses of small recordings without a search: what it would have found is given, and all else is as it is."""
+
+from functools import cache
+from unittest.mock import patch
+
+from recorded import rod
+
+from fimpact.diagnosis import pipeline
+from fimpact.diagnosis.pipeline import Diagnosis, diagnose
+from fimpact.effects import EFFECTS
+from fimpact.recordings import Recording
+from fimpact.selection.forced import fit_forced
+from fimpact.selection.forward import Alternative, Explanation
+from fimpact.selection.regression import Regression
+from fimpact.smoothing.columns import columns, motion_scales
+from fimpact.smoothing.prepare import Prepared
+from fimpact.smoothing.smoother import Smoothed, smooth
+
+
+def diagnosis_of(recording: Recording, answer: tuple[str, ...] = (), rivals: tuple[str, ...] = ()) -> Diagnosis:
+    """A diagnosis as it would be had the search answered the effects `answer`, ``effect@site`` each, and kept each of
+    the effects `rivals` as an alternative with weight .4."""
+
+    def explain(track, begun, noise, effects, progress):
+        prepared = Prepared(track, begun, noise)
+        naive = smooth(track, begun, noise)
+        final = _forced(prepared, naive, answer) if answer else naive
+        others = [_forced(prepared, naive, (name,)) for name in rivals]
+        kept = tuple(Alternative(fit.placed, fit.theta, 0.4) for fit in others)
+        regression, missing = Regression(final, columns(final, [])), (naive.tau**2).sum(0)
+        return Explanation(naive, final, regression, len(answer), (), kept, 0.01, motion_scales(naive), missing)
+
+    with patch.object(pipeline, "explain", explain):
+        return diagnose(recording)
+
+
+def _forced(prepared: Prepared, naive: Smoothed, names: tuple[str, ...]) -> Smoothed:
+    places = [(EFFECTS[effect], site) for effect, _, site in (name.partition("@") for name in names)]
+    return fit_forced(prepared, naive, places)
+
+
+@cache
+def rubbing() -> Diagnosis:
+    """Of a rod with dry friction, found."""
+    return diagnosis_of(rod(0.03, free=True), ("coulomb@pivot",))
+
+
+@cache
+def undecided() -> Diagnosis:
+    """Of the same rod, where viscous friction was not told from dry friction."""
+    return diagnosis_of(rod(0.03, free=True), ("coulomb@pivot",), ("viscous@pivot",))
+
+
+@cache
+def nothing() -> Diagnosis:
+    """Of a rod that lacks nothing."""
+    return diagnosis_of(rod(free=True))

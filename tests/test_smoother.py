@@ -1,0 +1,164 @@
+"""Trajectory, missing force and parameters together, of rigs whose truth is known."""
+
+from dataclasses import replace
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+from recorded import ARM, ROD, arm, record, rod, waves
+
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.recordings import Recording, Unknown
+from fimpact.smoothing.linear import heavier
+from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.smoother import CHANGE, FLIGHT, STANCE, Smoothed, smooth
+
+MOTOR = '<motor name="motor" joint="pivot"/>'
+BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
+<body name="ball" pos="0 0 0.3"><freejoint name="free"/><geom name="ball" size="0.05" mass="0.3"/></body></worldbody>
+<sensor><framepos name="place" objtype="xbody" objname="ball"/>
+<framequat name="turn" objtype="xbody" objname="ball"/></sensor></mujoco>"""
+SEEN = tuple(f"place[{i}]" for i in range(3)) + tuple(f"turn[{i}]" for i in range(4))
+
+
+def smoothed(recording: Recording) -> Smoothed:
+    made = prepare(recording)
+    return smooth(made.track, made.begun, made.noise)
+
+
+def number(found: Smoothed, of: str) -> float:
+    return next(n.value for n in found.numbers if n.of == of)
+
+
+@pytest.mark.parametrize("recording", [rod(), arm()], ids=["rod", "arm"])
+def test_where_nothing_is_missing_noise_is_all_that_is_left(recording):
+    found = smoothed(recording)
+    assert found.converged
+    assert found.chi2 / found.count == pytest.approx(1, abs=0.06)
+    assert found.levels.reading == pytest.approx(recording.noise, rel=0.06)
+    applied = np.sqrt(np.mean(found.track.ctrl**2, (0, 1)))
+    assert (np.sqrt(np.mean(found.tau**2, 0)) < 0.01 * applied).all()
+
+
+def test_the_missing_force_is_the_friction_that_is_missing():
+    found = smoothed(rod(0.15))
+    quick = np.abs(found.states.qvel[:, 0]) > 1.0
+    against = -np.sign(found.states.qvel[quick, 0])
+    assert found.converged
+    assert np.mean(found.tau[quick, 0] * against) == pytest.approx(0.15, rel=0.1)
+    assert 0.1 < found.levels.force[0, 0] < 0.4
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.15])
+def test_dry_friction_that_is_added_takes_the_missing_force_away(friction):
+    made, naive = prepare(rod(friction)), smoothed(rod(friction))
+    placed = Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.08})
+    found = smooth(made.track, made.begun, made.noise, (placed,), ({"friction": 0.5},), naive, rounds=20)
+    assert number(found, "coulomb@pivot") == pytest.approx(friction, rel=0.01)
+    assert found.loss < naive.loss - 100
+    assert np.mean(found.tau**2) < 0.02 * np.mean(naive.tau**2)
+    assert found.converged  # through every reversal
+
+
+def test_a_mass_is_found_without_bias():
+    found = smoothed(rod(mass=1.3, free=True))
+    assert number(found, "mass@rod") == pytest.approx(0.39, rel=0.005)
+    assert number(found, "damping@pivot") == pytest.approx(0.02, rel=0.1)
+
+
+def test_dry_friction_that_is_missing_does_not_move_a_mass():
+    found = smoothed(rod(0.05, 1.3, True))
+    assert number(found, "mass@rod") == pytest.approx(0.39, rel=0.03)
+
+
+def swinging(seed: int) -> Recording:
+    """A rod that nothing drives, and a random torque, new in each sample, that the model lacks."""
+    hidden = iter(np.repeat(0.1 * np.random.default_rng(seed).standard_normal(300), 5))
+    xml = ROD.replace("<actuator>" + MOTOR + "</actuator>", "")
+    return record(
+        xml, ("angle",), [np.zeros((300, 0))], 1e-4, pull=lambda model, data: np.array([next(hidden)]), fine=5,
+        starts=[([1.5], [0.0])], unknowns=(Unknown("mass", "rod", 0.5),), seed=seed,
+    )  # fmt: skip
+
+
+def test_forces_that_nobody_knows_make_nothing_lighter(monkeypatch):
+    """Least squares of forces that are all unknown has the solution that nothing weighs anything (`linear.heavier`)."""
+    made = prepare(swinging(0))
+    mass = number(smooth(made.track, made.begun, made.noise), "mass@rod")
+    assert mass == pytest.approx(0.3, rel=0.1)
+    for place in ("linear", "smoother"):
+        monkeypatch.setattr(f"fimpact.smoothing.{place}.heavier", lambda after, before: np.ones(after.nv))
+    assert number(smooth(made.track, made.begun, made.noise), "mass@rod") < 0.5 * mass
+
+
+@pytest.mark.parametrize("xml", [ROD, ROD.replace("<actuator>" + MOTOR + "</actuator>", "")], ids=["driven", "free"])
+def test_unknown_forces_grow_with_the_inertia_where_nothing_applied_is_known(xml):
+    model, twice = (mujoco.MjModel.from_xml_string(xml) for _ in range(2))
+    twice.body_mass[1:] *= 2
+    twice.body_inertia[1:] *= 2
+    mujoco.mj_setConst(twice, mujoco.MjData(twice))
+    np.testing.assert_allclose(heavier(twice, model), 1.0 if model.nu else 2.0)
+
+
+@pytest.mark.parametrize(
+    ("motor", "na"),
+    [
+        ('<general name="lag" joint="pivot" dyntype="filter" dynprm="0.05"/>', 1),
+        ('<position name="servo" joint="pivot" kp="6" kv="0.3"/>', 0),
+        ('<position name="servo" joint="pivot" kp="6" kv="0.3" timeconst="0.05"/>', 1),
+    ],
+    ids=["filter", "servo", "filtered servo"],
+)
+def test_servos_and_states_of_actuators_are_part_of_the_trajectory(motor, na):
+    commands = [waves(300, [0.5], i) for i in range(2)]
+    found = smoothed(record(ROD.replace(MOTOR, motor), ("angle",), commands, 1e-3))
+    assert found.converged and found.states.act.shape == (300, na)
+    assert found.chi2 / found.count == pytest.approx(1, abs=0.1)
+    assert np.sqrt(np.mean(found.tau**2)) < 0.02
+
+
+def test_gaps_are_bridged_by_the_model():
+    whole = arm()
+    run = whole.runs[0]
+    gaps = run.measured.copy()
+    gaps[100:130], gaps[::3, 1] = np.nan, np.nan
+    broken = replace(whole, runs=(replace(run, measured=gaps),), unknowns=())
+    found, full = smoothed(broken), smoothed(replace(broken, runs=(run,)))
+    assert found.converged and found.count == np.isfinite(gaps).sum()
+    np.testing.assert_allclose(found.states.qpos, full.states.qpos, atol=3e-3)
+
+
+def test_a_joint_that_is_not_measured_follows_from_the_model():
+    gentle = [waves(300, [0.2, 0.05], i) for i in range(2)]
+    both = record(ARM, ("q1", "q2"), gentle, 2e-4)
+    one = replace(both, channels=("q1",), noise=both.noise[:1])
+    one = replace(one, runs=tuple(replace(r, measured=r.measured[:, :1]) for r in both.runs))
+    found, full = smoothed(one), smoothed(both)
+    assert found.converged
+    off = found.states.qpos[:, 1] - full.states.qpos[:, 1]
+    assert np.sqrt(np.mean(off**2)) < 0.05 * full.states.qpos[:, 1].std()
+
+
+@cache
+def bouncing() -> Prepared:
+    rng = np.random.default_rng(0)
+    starts = [([0, 0, 0.2 + 0.05 * i, 1, 0, 0, 0], [*rng.uniform(-1, 1, 2), 0.5, 0, 0, 0]) for i in range(4)]
+    noise = [5e-4] * 3 + [2e-3] * 4
+    return prepare(record(BALL, SEEN, [np.zeros((60, 0))] * 4, noise, starts=starts, fine=5))
+
+
+def test_a_ball_that_bounces_is_followed_through_its_contacts():
+    made = bouncing()
+    found = smooth(made.track, made.begun, made.noise)
+    assert found.converged
+    assert found.chi2 / found.count == pytest.approx(1, abs=0.08)
+    flight, _, change = found.levels.force[[FLIGHT, STANCE, CHANGE]]
+    assert set(found.levels.mode) == {FLIGHT, STANCE, CHANGE}
+    assert flight[2] < 0.01 * 0.3 * 9.81 and flight[2] < change[2]
+
+
+def test_the_same_recording_gives_the_same_fit():
+    one, other = smoothed(rod(0.05)), smoothed(rod(0.05))
+    np.testing.assert_array_equal(one.tau, other.tau)
