@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -27,7 +28,7 @@ from fimpact.experiments.design import (
 )
 from fimpact.experiments.figures import commands
 from fimpact.experiments.limits import Limits, limits
-from fimpact.experiments.resolve import Resolved, remaining, resolve, stated
+from fimpact.experiments.resolve import Resolved, remaining, resolve, stated, weigh
 from fimpact.experiments.separation import (
     MOST,
     PIECES,
@@ -91,6 +92,29 @@ def test_a_name_remains_that_is_a_twentieth_as_likely():
         return remaining([Resolved("a", 0.9, None), Resolved("b", weight, None)])
 
     assert left(0.046) == ["a", "b"] and left(0.044) == ["a"]
+
+
+def _fit(displacement: float, seen: float, converged: bool = True):
+    """A fit of Dahl's friction whose displacement the data see so well, all else equal."""
+    numbers = [
+        SimpleNamespace(name=name, place=0, log=True, size=1.0, at_bound=value == 1e-6)
+        for name, value in (("friction", 0.02), ("displacement", displacement))
+    ]
+    placed = (Placed(EFFECTS["dahl"], "joint_2", {}),)
+    loss = np.log(100.0 * seen) / 2  # its volume: what is not seen makes it small
+    return SimpleNamespace(
+        numbers=numbers, placed=placed, information=np.diag([100.0, seen]), loss=loss, converged=converged
+    )
+
+
+def test_a_shape_that_is_not_seen_gains_nothing_by_being_free():
+    seen, unseen = weigh([_fit(0.1, 1.0), _fit(0.1, 1e-9)])
+    assert unseen < 3 * seen
+
+
+def test_what_became_its_own_special_case_is_no_rival():
+    assert weigh([_fit(0.1, 1.0), _fit(1e-6, 1e-9)]).tolist() == [1.0, 0.0]
+    assert weigh([_fit(0.1, 1.0, False), _fit(0.1, 1.0)]).tolist() == [0.0, 1.0]
 
 
 def test_fits_begin_where_the_diagnosis_has_the_unknowns():

@@ -3,16 +3,16 @@
 # Smoothing
 TRUST = 2.0  # a parameter moves by at most this factor in a step: its column is a tangent
 FALL = 5.0  # noise levels fall or rise by at most this factor in a step (METHOD 8: freed at once they fall to nothing)
-STILL = 0.05  # a fit has converged where its next step moves no reading by more than this share of its noise, and no number by more of its sd
+STILL = 0.05  # share of its noise or sd by which a next step moves no reading and no number, where a fit has converged
 ROUNDS = 20  # steps of a fit at most; what is not still then is never used as if it were
-LOUDER = (30.0, 15.0, 8.0, 4.0, 2.0)  # sensors of force and acceleration are brought in by lowering their noise (METHOD 2)
+LOUDER = (30.0, 15.0, 8.0, 4.0, 2.0)  # times their noise: sensors of force and acceleration come in so (METHOD 2)
 SWITCH = 2  # samples before and after a contact begins or ends that belong to neither mode
-DOUBT = 0.1  # of a reading's noise: error of the time step from which it is halved
+DOUBT = 1.0  # standard deviation, over all readings: error of the time step from which it is halved
 
 # Selection
 P_ALARM = 0.05  # family-wise chance of a false alarm, over all hypotheses that are tried
 UNLIKELY = 0.05  # relative likelihood below which a rival has left the set
-TIED = 1.0  # twice log likelihoods: less is not worth a mention (Kass and Raftery, JASA 90, 1995); the engineer's order decides
+TIED = 1.0  # twice log likelihoods: less is not worth a mention (Kass and Raftery 1995); the engineer's order decides
 SHARE = 0.02  # of the squared missing force at its place: less is no explanation an expert would give (METHOD 6)
 REFINES = 0.10  # of what is left at its place: least share of a small refinement (METHOD 5.6)
 FOLDS = 5  # of blocked validation

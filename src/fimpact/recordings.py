@@ -1,4 +1,4 @@
-"""What was recorded, and the model it is compared with: the only thing that the mismatch stages are given."""
+"""What was recorded, and the model it is compared with: the only thing that a diagnosis is given."""
 
 from dataclasses import dataclass
 

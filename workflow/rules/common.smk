@@ -54,8 +54,7 @@ FINDING = [*PROOF, "smoothing/columns", *(f"effects/{name}" for name in EFFECTS.
 FINDING += [f"selection/{name}" for name in "forward options regression search".split()]
 FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
 DESIGNING = [f"experiments/{name}" for name in "described design limits separation".split()]
-FORCED = [name for name in FINDING if name.partition("/")[0] not in ("diagnosis", "selection")]
-FORCED = [name for name in FORCED if name != "effects/classes"]
+FORCED = [name for name in FINDING if not name.startswith(("diagnosis", "selection")) and name != "effects/classes"]
 FORCED += ["diagnosis/proof", "selection/forced", "selection/regression"]
 EXPORT = [f"export/{name}" for name in "callback mjcf model player replay".split()]
 STAGES = {

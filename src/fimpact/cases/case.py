@@ -1,4 +1,4 @@
-"""A case file read whole: the one entry point between a user's files and the mismatch stages."""
+"""A case file read whole: the one entry point between a user's files and the diagnosis."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -17,7 +17,7 @@ from fimpact.smoothing.smoother import Smoothed
 from fimpact.units import channel_unit
 
 CERTAIN, POSSIBLE, SLIGHT = "certain", "possible", "small"
-RUNS = 4  # from which the spread from run to run is known
+RUNS = 2  # more than there are numbers: from there the spread from run to run is known
 # Turns of what is no joint, though one may have the name of its site.
 ELSEWHERE = ("inertia", "gravity_tilt", "ground_tilt", "misalignment")
 SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
@@ -66,7 +66,7 @@ def half_widths(smoothed: Smoothed) -> np.ndarray:
     by_stretch = np.sqrt(np.diag(regression.covariance(found)))
     wide = by_stretch * stats.t.ppf((1 + CONFIDENCE) / 2, max(regression.count - 1, 1))
     runs = _run_of_stretch(regression)
-    if len(np.unique(runs)) >= RUNS:
+    if len(np.unique(runs)) >= RUNS + regression.p:
         by_run = np.sqrt(np.diag(regression.covariance(found, runs)))
         wide = np.maximum(wide, by_run * stats.t.ppf((1 + CONFIDENCE) / 2, len(np.unique(runs)) - 1))
     return wide * np.array([n.slope for n in smoothed.numbers])

@@ -86,10 +86,10 @@ def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line
     proof = prove(prepared, models)
     rows = parameter_rows(found.final, recording)
     effects = findings(found.final, found.main, rows)
-    members = _members(found)
     left = remainder(prepared, found, proof)
     notes = notes_on(prepared, found)
     answer = _answer(effects, left)
+    members = _members(found, answer)
     missing = answer != NONE
     words = verdict(effects, [m.name for m in members[1:]], missing, left["sentence"] if missing else "", notes)
     return Diagnosis(
@@ -104,13 +104,13 @@ def _answer(effects: Sequence[Finding], left: dict[str, Any]) -> str:
     return "+".join(named) or (UNNAMED if left["unnamed"] else NONE)
 
 
-def _members(found: Explanation) -> tuple[Member, ...]:
+def _members(found: Explanation, answer: str) -> tuple[Member, ...]:
     def name(placed: Sequence[Placed]) -> str:
         return "+".join(sorted(p.name for p in placed))
 
     if not found.final.placed:
         return ()
-    own = [Member(name(found.final.placed), Hypothesis(found.final.theta, found.final.placed), 1.0)]
+    own = [Member(answer, Hypothesis(found.final.theta, found.final.placed), 1.0)]
     for other in found.alternatives:
         if other.placed and name(other.placed) not in [m.name for m in own]:
             own.append(Member(name(other.placed), Hypothesis(other.theta, other.placed), other.weight))

@@ -10,6 +10,7 @@ from fimpact.effects.base import RIGID_BODIES, Effect
 from fimpact.effects.sites import ALL, DRAGS, WORLD
 
 DRIVE = ("coulomb", "viscous", "rotor_inertia")  # what every gear with a motor has
+RUBBING = ("coulomb", "viscous")  # what every bearing has
 DRIVEN, FREE = "driven joint", "joint that nothing drives"
 
 TITLES = {
@@ -68,11 +69,13 @@ def classes(model: mujoco.MjModel, channels: Sequence[str]) -> list[KindClass]:
 
 
 def _compound(found: list[KindClass], model) -> list[KindClass]:
-    """Friction and rotor inertia together at the joints that motors drive."""
+    """Friction and rotor inertia together at the joints that motors drive, both frictions at those that none does."""
     driven = set(sites.driven(model))
     parts = [part for own in found for part in own.effects if part[0] in DRIVE and part[1] in driven]
     parts.sort(key=lambda part: DRIVE.index(part[0]))
-    return [KindClass("geared drive", tuple(parts), RIGID_BODIES - 1, True)] if parts else []
+    rubbing = [part for own in found for part in own.effects if part[0] in RUBBING and part[1] not in driven]
+    made = [("geared drive", parts), ("dry and viscous friction", rubbing)]
+    return [KindClass(name, tuple(own), RIGID_BODIES - 1, True) for name, own in made if own]
 
 
 def _classes_of(effect: Effect, model, channels) -> list[KindClass]:

@@ -88,6 +88,7 @@ class Search:
         missing = (self.current.tau**2).sum(0) if small else self.missing
         found = search(regression, offered, missing, REFINES if small else SHARE)
         if found.chosen is None and self.rounds:
+            self.last = found
             return False
         self.rounds.append(found)
         if found.chosen is None:
@@ -147,7 +148,7 @@ class Search:
         regression = Regression(fit, columns(fit, []))
         own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not _is_shape(fit.placed[place], n.name)]
         found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
-        return any(w.p < P_ALARM and w.share > (REFINES if small else SHARE) / 2 for w in found)
+        return any(w.p * len(fit.placed) < P_ALARM and w.share > (REFINES if small else SHARE) / 2 for w in found)
 
 
 def explain(

@@ -14,6 +14,7 @@ from scipy import stats
 from fimpact.deciding import P_ALARM, TIED, UNLIKELY
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, chance
+from fimpact.smoothing.smoother import inverse_of_push
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
         return Round(None, (), tuple(tried))
     best = good[0]
     behind = [(t, lag(regression, best, t)) for t in good]
-    tied = [t for t, own in behind if own < TIED or t.option.compound]
+    tied = [t for t, own in behind if own < (-2 * np.log(UNLIKELY) if t.option.compound else TIED)]
     chosen = min(tied, key=lambda t: (t.option.order, -t.gain))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t.option is not chosen.option]
@@ -95,7 +96,7 @@ def backward(regression: Regression, before: Estimate, found: Estimate) -> Estim
         tried = [(regression.proper([k for k in found.kept if k != c]), c) for c in added]
         odds = [(chance(*regression.gain(without, found), 1), without) for without, _ in tried]
         worst = max(odds, key=lambda pair: pair[0], default=(0.0, found))
-        if worst[0] <= P_ALARM or len(added) < 2:
+        if worst[0] * len(added) <= P_ALARM or len(added) < 2:
             return found
         found = worst[1]
 
@@ -126,9 +127,9 @@ def worth(regression: Regression, column: int, step: float, missing: np.ndarray)
     estimate = Estimate(kept, np.zeros(len(kept)), 0.0, np.zeros((0, len(kept))))
     variance = regression.covariance(estimate)[column, column]
     p = float(2 * stats.t.sf(abs(step) / np.sqrt(max(variance, 1e-300)), max(regression.count - 1, 1)))
-    linear, nv = regression.smoothed.linear, regression.smoothed.track.model.nv
-    push = linear.advance[:, nv : 2 * nv, -nv:]
-    force = (np.linalg.pinv(push, rcond=1e-9) @ linear.offsets[:, nv : 2 * nv, 1 + column, None])[:, :, 0] * step
+    smoothed = regression.smoothed
+    change = smoothed.linear.offsets[:, : 2 * smoothed.track.model.nv, 1 + column] * step
+    force = np.einsum("kji,ki->kj", inverse_of_push(smoothed.track, smoothed.linear), change)
     if not force.any():  # of what is read, not of what acts
         return Worth(p, 1.0)
     return Worth(p, float(((force**2).sum(0) / np.maximum(missing, 1e-300)).max()))

@@ -116,7 +116,7 @@ def _swept(smoothed: Smoothed, offsets, left, pulls, tried, owners) -> Columns:
     p = linear.left.shape[2]
     whole = replace(
         linear,
-        offsets=np.concatenate([linear.offsets, np.stack(offsets, 2)], 2) if offsets else linear.offsets,
+        offsets=np.concatenate([linear.offsets, linear.rubbed @ np.stack(offsets, 2)], 2) if offsets else linear.offsets,
         left=np.concatenate([linear.left, -np.stack(left, 2)], 2) if left else linear.left,
     )
     means = np.zeros((track.count, track.model.nv, p + len(owners)))
@@ -136,8 +136,8 @@ class _Maker:
     (N, nv)."""
 
     def __init__(self, smoothed: Smoothed):
-        self.smoothed, self.track, self.plant = smoothed, smoothed.track, smoothed.linear.plant
-        self.base = smoothed.linear.base
+        self.smoothed, self.track, self.plant = smoothed, smoothed.track, smoothed.linear.plant.plain
+        self.base = self.plant.step(smoothed.states, smoothed.tau)
         self.told = predicted_commands(self.track, self.plant.ctrl, smoothed.tau)
         self.doubt = smoothed.doubt
         self._again: tuple = (None, None)
@@ -175,8 +175,7 @@ class _Maker:
         if not _alike(before, after):
             mujoco.mj_setConst(after, mujoco.MjData(after))
             scaled = not np.array_equal(before.actuator_gainprm, after.actuator_gainprm)
-            models = self.track.at_steps(after)
-            plant = replace(self.plant, models=models, ctrl=self.told if scaled else self.plant.ctrl)
+            plant = replace(self.plant, models=(after,), ctrl=self.told if scaled else self.plant.ctrl)
             change = list(self._steps(plant, self._predicted() if scaled else self.base))
         if rubbed.any():
             sign = expected_sign(middle(self.track, self.smoothed.states)[1], self._speed_doubt())

@@ -26,6 +26,24 @@ def expected_sign(speed: np.ndarray, doubt: np.ndarray) -> np.ndarray:
     return erf(speed / np.sqrt(2) / np.maximum(doubt, 1e-12))
 
 
+def slope_of_sign(speed: np.ndarray, doubt: np.ndarray) -> np.ndarray:
+    """Derivative of `expected_sign` by the speed."""
+    doubt = np.maximum(doubt, 1e-12)
+    return np.sqrt(2 / np.pi) / doubt * np.exp(-((speed / doubt) ** 2) / 2)
+
+
+def friction_slope(track: "Track", placed: Placed, states: States, tau: np.ndarray, doubt: np.ndarray) -> np.ndarray:
+    """Derivative, (N, nv), of the dry friction that `placed` adds, by the speed half a sample later."""
+    out = np.zeros_like(states.qvel)
+    if placed.effect.enters != "friction":
+        return out
+    seen = _state(track, states, predicted_commands(track, track.ctrl, tau)[:, 0], {})
+    forward, backward = placed.effect.law(seen, placed.site, **placed.values)
+    dof = int(track.model.joint(placed.site).dofadr[0])
+    out[:, dof] = -(forward + backward) / 2 * slope_of_sign(seen.qvel[:, dof], speed_doubt(track, states, doubt)[:, dof])
+    return out
+
+
 def force_of(track: "Track", placed: Placed, states: States, tau: np.ndarray, doubt: np.ndarray) -> np.ndarray:
     """Generalised force, (N, nv), that `placed` adds along `states`; zero where it is no such law.
 
@@ -90,14 +108,14 @@ def _law(track: "Track", placed: Placed, states: States, tau: np.ndarray) -> np.
     force = placed.effect.law(seen, placed.site, **placed.values)
     if not seen.remembers:
         return force
-    out, memory = np.zeros((len(track.lengths), track.lengths.max(), track.model.nv)), {}
-    rows = track.padded(np.arange(track.count))
+    rows, memory = track.pieces[0], {}
+    out = np.zeros((*rows.shape, track.model.nv))
     whole = _state(track, states, ctrl, {})
     for k, now in enumerate(rows.T):
         parts = whole.qpos[now], whole.qvel[now], whole.ctrl[now], whole.time[now]
         state = State(track.model, *parts, track.period, memory, {})
         out[:, k] = placed.effect.law(state, placed.site, **placed.values)
-    return track.flat(out)
+    return track.gathered(out)
 
 
 def _friction(track: "Track", placed: Placed, states: States, tau: np.ndarray, doubt: np.ndarray) -> np.ndarray:
@@ -121,7 +139,7 @@ def _gear(track: "Track", placed: Placed, states: States, tau: np.ndarray) -> tu
     model = track.model
     dof = int(model.joint(placed.site).dofadr[0])
     columns = [np.isin(track.simulator.columns, own) for own in encoders(model, placed.site)]
-    rows, memory = track.padded(np.arange(track.count)), {}
+    rows, memory = track.pieces[0], {}
     rate = (track.next(states).qvel - states.qvel)[:, dof] / track.period
     force, lead, speed = (np.zeros((len(rows), rows.shape[1])) for _ in range(3))
     for k, now in enumerate(rows.T):
@@ -130,9 +148,9 @@ def _gear(track: "Track", placed: Placed, states: States, tau: np.ndarray) -> tu
         force[:, k] = found.pull - (found.inertia - model.dof_armature[dof]) * rate[now]
         lead[:, k], speed[:, k] = found.lead, found.rate
     out, read = np.zeros_like(states.qvel), np.zeros((track.count, len(track.recording.channels)))
-    out[:, dof] = track.flat(force)
+    out[:, dof] = track.gathered(force)
     for own, ahead in zip(columns, (lead, speed), strict=True):
-        read[:, own] = track.flat(ahead)[:, None]
+        read[:, own] = track.gathered(ahead)[:, None]
     return out, read
 
 

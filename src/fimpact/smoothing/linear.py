@@ -33,6 +33,7 @@ class Linear:
     left: np.ndarray
     first: np.ndarray
     spread: np.ndarray
+    rubbed: np.ndarray
 
 
 def linearise(
@@ -42,7 +43,8 @@ def linearise(
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
     plant = track.plant(placed, theta, states, tau, doubt)
-    base = plant.step(states, tau)
+    base, plain = plant.step(states, tau), plant.plain
+    near = plain.step(states, tau)
     n, nv, space = track.space.size, track.model.nv, track.space
     advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, base.readings.shape[1], n + nv))
     for j in range(n + nv):
@@ -52,17 +54,34 @@ def linearise(
         else:
             size = 1e-4 * max(float(track.model.dof_M0[j - n]), 1e-9) / track.period
             push = tau + size * np.eye(nv)[j - n]
-        found = plant.step(space.plus(states, step), push)
-        advance[:, :, j] = space.minus(found.after, base.after) / size
-        reads[:, :, j] = (found.readings - base.readings) / size
+        found = plain.step(space.plus(states, step), push)
+        advance[:, :, j] = space.minus(found.after, near.after) / size
+        reads[:, :, j] = (found.readings - near.readings) / size
     offsets = [space.minus(base.after, track.next(states))]
     left = [np.nan_to_num(track.measured - base.readings)]
     for index, number in enumerate(numbers):
         end = moved(track, numbers, placed, index, states, tau, doubt, plant.model)
-        offsets.append(space.minus(end.after, base.after) / number.nudge)
-        left.append((base.readings - end.readings) / number.nudge)
+        offsets.append(space.minus(end.after, near.after) / number.nudge)
+        left.append((near.readings - end.readings) / number.nudge)
     first, spread = _starts(track, states)
-    return Linear(plant, base, advance, reads, np.stack(offsets, 2), np.stack(left, 2), first, spread)
+    rubbed, advance, reads = _rubbed(plant, advance, reads)
+    return Linear(plant, base, advance, reads, rubbed @ np.stack(offsets, 2), np.stack(left, 2), first, spread, rubbed)
+
+
+def _rubbed(plant: Plant, advance: np.ndarray, reads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What dry friction does to whatever moves the next state, (N, n, n), and `advance` and `reads` with it.
+
+    It follows the speed half a sample later, (v + v') / 2, which is implicit.
+    """
+    n = advance.shape[1]
+    nv = advance.shape[2] - n
+    half = advance[:, :, n:] * plant.slope[:, None] / 2
+    rubbed = np.tile(np.eye(n), (len(advance), 1, 1))
+    rubbed[:, :, nv : 2 * nv] -= half
+    rubbed, advance, reads = np.linalg.inv(rubbed), advance.copy(), reads.copy()
+    advance[:, :, nv : 2 * nv] += half
+    reads[:, :, nv : 2 * nv] += reads[:, :, n:] * plant.slope[:, None]
+    return rubbed, rubbed @ advance, reads
 
 
 def renewed(linear: Linear, track: Track, numbers, placed, states: States, tau: np.ndarray, doubt, theta) -> Linear:
@@ -70,7 +89,7 @@ def renewed(linear: Linear, track: Track, numbers, placed, states: States, tau: 
     plant = track.plant(placed_of(numbers, placed), theta, states, tau, doubt)
     base = plant.step(states, tau)
     offsets, left = linear.offsets.copy(), linear.left.copy()
-    offsets[:, :, 0] = track.space.minus(base.after, track.next(states))
+    offsets[:, :, 0] = (linear.rubbed @ track.space.minus(base.after, track.next(states))[:, :, None])[:, :, 0]
     left[:, :, 0] = np.nan_to_num(track.measured - base.readings)
     first, spread = _starts(track, states)
     return replace(linear, plant=plant, base=base, offsets=offsets, left=left, first=first, spread=spread)
@@ -81,7 +100,7 @@ def moved(track: Track, numbers, placed, index: int, states: States, tau, doubt,
     number = numbers[index]
     value = number.value * np.exp(number.nudge) if number.log else number.value + number.nudge
     changed = [replace(n, value=value) if i == index else n for i, n in enumerate(numbers)]
-    plant = track.plant(placed_of(changed, placed), theta_of(changed), states, tau, doubt)
+    plant = track.plant(placed_of(changed, placed), theta_of(changed), states, tau, doubt).plain
     return plant.step(states, tau * heavier(plant.model, around))
 
 

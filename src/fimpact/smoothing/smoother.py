@@ -121,6 +121,7 @@ def smooth(
     if like is not None:
         states, tau, doubt, levels = like.states, like.tau, like.doubt, like.levels
     anneal = list(LOUDER) if track.late.any() and like is None else []
+    relax = 1.0
     pace, converged, k, change, linear, worn = Pace(), False, 0, np.inf, None, True
     for k in range(rounds + len(anneal)):
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None if worn else linear)
@@ -134,7 +135,9 @@ def smooth(
         found = solve(track, linear, levels, tau, numbers)
         if not np.isfinite(found.chi2):
             break
-        change = _moves(linear, levels, found, track)
+        before, change = change, _moves(linear, levels, found, track)
+        relax = max(relax / 2, 0.25) if change > 0.7 * before else 1.0  # a kink is approached from both sides
+        found = replace(found, change=relax * found.change)
         n = track.space.size
         states, tau = track.space.plus(states, found.change[:, :n]), tau + found.change[:, n:]
         doubt = _doubts(track, linear, found)
@@ -144,9 +147,10 @@ def smooth(
             grown = heavier(track.model_of(placed_of(numbers, placed), theta_of(numbers)), linear.plant.model)
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
         levels = _modes(track, states, tau, levels)
-        worn = change > WORN or _farthest(found) > WORN * 10
-        progress(f"smoothing: step {k + 1}, readings move by {change:.2g} of their noise, levels {shift:.2g} numbers {_farthest(found):.2g}")
-        if k >= len(anneal) and max(change, shift / 4, _farthest(found) / 4) < STILL:
+        far = _farthest(found, numbers)
+        worn = change > WORN or far > 10 * WORN
+        progress(f"smoothing: step {k + 1}, readings move by {change:.2g} of their noise, numbers by {far:.2g} of their sd")
+        if k >= len(anneal) and max(change, shift / 4, far / 4) < STILL:
             converged = True
             break
     linear = _linear(track, numbers, fixed, placed, states, tau, doubt)
@@ -166,9 +170,10 @@ def _linear(track, numbers, fixed, placed, states, tau, doubt, like: Linear | No
     return linearise(track, [], placed_of(fixed, placed), states, tau, doubt, theta_of(fixed))
 
 
-def _farthest(found: Solved) -> float:
-    """Largest step of a number, in its sd."""
-    return float(np.abs(found.step * np.sqrt(np.diag(found.information))).max(initial=0.0))
+def _farthest(found: Solved, numbers: Sequence[Parameter]) -> float:
+    """Largest step, in its sd, of a number that is not at its bound."""
+    sizes = np.abs(found.step * np.sqrt(np.diag(found.information)))
+    return float(max((s for s, n in zip(sizes, numbers, strict=True) if not n.at_bound), default=0.0))
 
 
 # ---- one step
@@ -342,10 +347,18 @@ def _modes(track: Track, states: States, tau: np.ndarray, levels: Levels) -> Lev
 
 
 def _inverse(track: Track, linear: Linear) -> np.ndarray:
-    """The force, (N, nv), that takes each sample's speeds to the next's."""
-    nv = track.model.nv
-    push = linear.advance[:, nv : 2 * nv, track.space.size :]
-    missed = -linear.offsets[:, nv : 2 * nv, 0]
-    tau = (np.linalg.pinv(push, rcond=1e-9) @ missed[:, :, None])[:, :, 0]
+    """The force, (N, nv), that takes each sample's state to the next's.
+
+    Positions count beside speeds: under a stiff servo a held force moves a joint, and its speed has died away.
+    """
+    tau = np.einsum("kji,ki->kj", inverse_of_push(track, linear), -linear.offsets[:, : 2 * track.model.nv, 0])
     tau[track.last] = 0.0
     return tau
+
+
+def inverse_of_push(track: Track, linear: Linear) -> np.ndarray:
+    """The force that a change of the next sample's positions and speeds would take, (N, nv, 2 nv)."""
+    nv = track.model.nv
+    scale = np.repeat([1.0, track.period], nv)
+    push = linear.advance[:, : 2 * nv, track.space.size :] * scale[:, None]
+    return np.linalg.pinv(push, rcond=1e-9) * scale

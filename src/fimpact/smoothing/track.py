@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -14,10 +14,11 @@ from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut
-from fimpact.smoothing.laws import DRY, expected_sign, force_of, middle, reading_of, speed_doubt
+from fimpact.smoothing.laws import DRY, expected_sign, force_of, middle, friction_slope, reading_of, slope_of_sign, speed_doubt
 from fimpact.smoothing.states import States, Tangent, tangent
 
 FINEST = 32  # parts of the model's time step at most
+LONG = 256  # samples that a law with a memory is given to gather it
 ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
 
 
@@ -67,6 +68,27 @@ class Track:
     def slices(self) -> list[slice]:
         """Rows of each run."""
         return [slice(a, b) for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)]
+
+    @cached_property
+    def pieces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (pieces, n) of stretches that a law with a memory passes side by side, and which of them count, a mask:
+        before the others it only gathers what it remembers. Runs that are no longer than a stretch begin at their start."""
+        rows, counted = [], []
+        size = 2 * LONG
+        for part in self.slices():
+            for begin in range(part.start, part.stop, LONG):
+                index = np.arange(max(begin - LONG, part.start), min(begin + LONG, part.stop))
+                filled = np.pad(index, (0, size - len(index)), "edge")
+                rows.append(filled)
+                counted.append((filled >= begin) & (np.arange(size) < len(index)))
+        return np.array(rows), np.array(counted)
+
+    def gathered(self, pieces: np.ndarray) -> np.ndarray:
+        """Rows (N, ...) of an array by piece, (pieces, n, ...)."""
+        rows, counted = self.pieces
+        out = np.empty((self.count, *pieces.shape[2:]))
+        out[rows[counted]] = pieces[counted]
+        return out
 
     def flat(self, padded: np.ndarray) -> np.ndarray:
         """Rows (N, ...) of an array by run, (runs, longest, ...)."""
@@ -126,28 +148,33 @@ class Track:
         Args:
             tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv).
         """
-        force = np.zeros((self.count, self.model.nv))
+        force, slope = np.zeros((self.count, self.model.nv)), np.zeros((self.count, self.model.nv))
         for law in placed:
             force += force_of(self, law, states, tau, doubt)
+            slope += friction_slope(self, law, states, tau, doubt)
         model = self.model_of(placed, theta)
-        force += self._dry(model, states, doubt)
-        return Plant(self, self.at_steps(model), tuple(placed), self.commands(placed), force, states, tau)
+        dry = self._dry(model, states, doubt)
+        return Plant(
+            self, self.at_steps(model), tuple(placed), self.commands(placed), force + dry[0], slope + dry[1], states, tau
+        )
 
     def model_of(self, placed: Sequence[Placed], theta: np.ndarray) -> mujoco.MjModel:
         """The model of a hypothesis, laws left out."""
         return self.simulator.model(Hypothesis(theta, tuple(placed)))
 
-    def _dry(self, model: mujoco.MjModel, states: States, doubt: np.ndarray) -> np.ndarray:
-        """Take added dry friction out of `model`; returns it as a force, (N, nv), at the expected sign of the speed.
+    def _dry(self, model: mujoco.MjModel, states: States, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Take added dry friction out of `model`; returns it as a force, (N, nv), at the expected sign of the speed, and its
+        derivative by that speed.
 
         Exact friction has no derivative where it stops a joint, and a fit through its reversals never settles.
         """
         added = model.dof_frictionloss - self.model.dof_frictionloss
         if not added.any():
-            return np.zeros_like(states.qvel)
+            return np.zeros_like(states.qvel), np.zeros_like(states.qvel)
         for name in DRY:
             getattr(model, name)[:] = getattr(self.model, name)
-        return -added * expected_sign(middle(self, states)[1], speed_doubt(self, states, doubt))
+        speed, own = middle(self, states)[1], speed_doubt(self, states, doubt)
+        return -added * expected_sign(speed, own), -added * slope_of_sign(speed, own)
 
     def next(self, states: States) -> States:
         """The state of each row's next, of the last in each run its own."""
@@ -165,6 +192,7 @@ class Plant:
     placed: tuple[Placed, ...]
     ctrl: np.ndarray
     force: np.ndarray
+    slope: np.ndarray
     around: States
     tau: np.ndarray
 
@@ -172,6 +200,11 @@ class Plant:
     def model(self) -> mujoco.MjModel:
         """The model at its own time step."""
         return self.models[0]
+
+    @property
+    def plain(self) -> "Plant":
+        """The same at one time step only: a derivative hardly feels the step's error."""
+        return replace(self, models=self.models[:1])
 
     def step(self, states: States, tau: np.ndarray) -> Step:
         """One sample ahead of each state with the missing force `tau` (N, nv)."""
@@ -219,7 +252,7 @@ def _error(track: Track, finer: Track, states: States, noise: np.ndarray) -> flo
     scale = np.sqrt(noise**2 + np.nanmedian(missed**2, axis=0))
     off = (ends[1] - ends[0]) / scale
     known = ~own.late & np.isfinite(off).all(0)
-    return float(np.sqrt(np.mean(np.minimum(off[:, known] ** 2, 1e12)))) if known.any() else 0.0
+    return float(np.sqrt(np.sum(np.minimum(off[:, known] ** 2, 1e12)))) if known.any() else 0.0
 
 
 def _whole(runs: Sequence[Run]) -> Windows:
