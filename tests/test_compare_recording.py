@@ -10,7 +10,9 @@ from recorded import rod
 
 from fimpact import compare_recording as module
 from fimpact.compare_recording import DONE, at_most, compare_recording
+from fimpact.concealed import peers as concealed_peers
 from fimpact.diagnosis.freed import freed
+from fimpact.effects import EFFECTS as CATALOGUE
 from fimpact.knobs import freed_knobs, own_knobs
 from fimpact.peers import training_windows
 from fimpact.rig_summary import COLUMNS, gather, in_cell, summarise, to_markdown
@@ -65,6 +67,14 @@ def test_own_parameters_start_where_the_model_has_them_and_stay_positive(dry):
     knobs = own_knobs(prepare(dry))
     assert knobs.start == pytest.approx([0.3, 0.02]) and knobs.sd == pytest.approx([0.09, 0.01])
     assert (knobs.low > 0).all() and knobs.low[0] == pytest.approx(3e-4) and (knobs.high > knobs.start).all()
+
+
+def test_refitting_every_candidate_finds_the_one_that_is_missing(dry, monkeypatch):
+    few = {name: CATALOGUE[name] for name in ("coulomb", "gravity_scale")}
+    monkeypatch.setattr(concealed_peers, "EFFECTS", few)
+    found = concealed_peers.compare(dry, ["refit_all"])
+    assert found["answer_refit_all"] == "coulomb@pivot" and found["refits"] == 2
+    assert np.isfinite(found["heldout_refit_all"]) and found["refit_all_seconds"] > found["screening_seconds"]
 
 
 def test_others_fit_short_windows_of_the_training_runs(dry):

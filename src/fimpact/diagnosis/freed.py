@@ -29,9 +29,7 @@ def freed(recording: Recording) -> Recording:
 
 def fit_freed(prepared: Prepared, progress: Callable[[str], None]) -> tuple[Simulator, Hypothesis]:
     """The naive model with everything freed at once, by the same estimator as all else."""
-    refine = round(
-        Simulator(prepared.track.recording).base.opt.timestep / prepared.track.simulator.base.opt.timestep
-    )
+    refine = round(Simulator(prepared.track.recording).base.opt.timestep / prepared.track.simulator.base.opt.timestep)
     own = prepare(freed(prepared.track.recording), prepared.track.runs, max(refine, 1))
     found = smooth(own.track, own.begun, own.noise, progress=progress)
     return own.track.simulator, Hypothesis(found.theta)

@@ -61,13 +61,12 @@ class Search:
         self.failed: set[str] = set()
 
     def open(self, small: bool) -> list[Candidate]:
-        """Candidates that are not in; small: only refinements of what is."""
+        """Candidates that are not in; small: refinements of what is, which wait for the second tier."""
         names = {p.name for p in self.current.placed} | self.dropped
         families = {p.effect.name for p in self.current.placed}
         left = [c for c in self.candidates if c.name not in names and not self._is_sum(c)]
-        if small:
-            left = [c for c in left if set(c.effect.refines) & families and self._has_its_family(c)]
-        return left
+        refining = [bool(set(c.effect.refines) & families) and self._has_its_family(c) for c in left]
+        return [c for c, refines in zip(left, refining, strict=True) if refines == small]
 
     def _is_sum(self, candidate: Candidate) -> bool:
         """Whether it is what is in already and a constant: it holds that, and has no shape of its own."""
@@ -128,7 +127,9 @@ class Search:
         as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
         first = min(as_good, key=lambda i: (len(fits[i].numbers), i))
         self.alternatives = [
-            Alternative(fit.placed, fit.theta, float(w / weights[first])) for i, (fit, w) in enumerate(zip(fits, weights, strict=True)) if i != first and w > UNLIKELY * weights[first]
+            Alternative(fit.placed, fit.theta, float(w / weights[first]))
+            for i, (fit, w) in enumerate(zip(fits, weights, strict=True))
+            if i != first and w > UNLIKELY * weights[first]
         ]
         return fits[first]
 
@@ -146,7 +147,9 @@ class Search:
         if small and place < len(self.current.placed):
             return True
         regression = Regression(fit, columns(fit, []))
-        own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not _is_shape(fit.placed[place], n.name)]
+        own = [
+            (i, n) for i, n in enumerate(fit.numbers) if n.place == place and not _is_shape(fit.placed[place], n.name)
+        ]
         found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
         return any(w.p * len(fit.placed) < P_ALARM and w.share > (REFINES if small else SHARE) / 2 for w in found)
 

@@ -155,7 +155,9 @@ class Regression:
         whole = self.gram.sum(0)
         if self.p:
             inner = np.linalg.pinv(whole[: self.p, : self.p] + np.diag(self.weight[: self.p]), hermitian=True)
-            whole = whole[np.ix_(own, own)] - whole[np.ix_(own, range(self.p))] @ inner @ whole[np.ix_(range(self.p), own)]
+            whole = (
+                whole[np.ix_(own, own)] - whole[np.ix_(own, range(self.p))] @ inner @ whole[np.ix_(range(self.p), own)]
+            )
         size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
         roots = np.maximum(np.linalg.eigvalsh(whole / np.outer(size, size)), 0.0)
         return float(np.sqrt(roots).sum() ** 2 / max(roots.sum(), 1e-300))

@@ -62,12 +62,19 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
         return Round(None, (), tuple(tried))
     best = good[0]
     behind = [(t, lag(regression, best, t)) for t in good]
-    tied = [t for t, own in behind if own < (-2 * np.log(UNLIKELY) if t.option.compound else TIED)]
+    allowed = {True: np.inf if has_servos(regression) else -2 * np.log(UNLIKELY), False: TIED}
+    tied = [t for t, own in behind if own < allowed[t.option.compound]]
     chosen = min(tied, key=lambda t: (t.option.order, -t.gain))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t.option is not chosen.option]
     rivals = sorted((pair for pair in weights if pair[1] > UNLIKELY), key=lambda pair: -pair[1])
     return Round(chosen, tuple(rivals), tuple(tried))
+
+
+def has_servos(regression: Regression) -> bool:
+    """Whether motors hold positions: under them one kind of physics alone goes wrong at every joint, and the compound
+    of what every geared drive has comes first."""
+    return bool(regression.smoothed.track.model.actuator_biasprm[:, 1].any())
 
 
 def attempt(regression: Regression, now: Estimate, errors, forces, missing, option: Option) -> Trial | None:

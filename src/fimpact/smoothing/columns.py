@@ -72,7 +72,9 @@ class Columns:
 def candidates(effects: Sequence[Effect], track: Track, scales: Scales) -> list[Candidate]:
     """Every effect at every site with every choice of its shapes."""
     model, channels = track.model, track.recording.channels
-    return [own for effect in effects for site in effect.sites(model, channels) for own in at(effect, site, model, scales)]
+    return [
+        own for effect in effects for site in effect.sites(model, channels) for own in at(effect, site, model, scales)
+    ]
 
 
 def at(effect: Effect, site: str, model: mujoco.MjModel, scales: Scales) -> list[Candidate]:
@@ -116,7 +118,9 @@ def _swept(smoothed: Smoothed, offsets, left, pulls, tried, owners) -> Columns:
     p = linear.left.shape[2]
     whole = replace(
         linear,
-        offsets=np.concatenate([linear.offsets, linear.rubbed @ np.stack(offsets, 2)], 2) if offsets else linear.offsets,
+        offsets=np.concatenate([linear.offsets, linear.rubbed @ np.stack(offsets, 2)], 2)
+        if offsets
+        else linear.offsets,
         left=np.concatenate([linear.left, -np.stack(left, 2)], 2) if left else linear.left,
     )
     means = np.zeros((track.count, track.model.nv, p + len(owners)))

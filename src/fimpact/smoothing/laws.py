@@ -40,7 +40,9 @@ def friction_slope(track: "Track", placed: Placed, states: States, tau: np.ndarr
     seen = _state(track, states, predicted_commands(track, track.ctrl, tau)[:, 0], {})
     forward, backward = placed.effect.law(seen, placed.site, **placed.values)
     dof = int(track.model.joint(placed.site).dofadr[0])
-    out[:, dof] = -(forward + backward) / 2 * slope_of_sign(seen.qvel[:, dof], speed_doubt(track, states, doubt)[:, dof])
+    out[:, dof] = (
+        -(forward + backward) / 2 * slope_of_sign(seen.qvel[:, dof], speed_doubt(track, states, doubt)[:, dof])
+    )
     return out
 
 
@@ -143,7 +145,9 @@ def _gear(track: "Track", placed: Placed, states: States, tau: np.ndarray) -> tu
     rate = (track.next(states).qvel - states.qvel)[:, dof] / track.period
     force, lead, speed = (np.zeros((len(rows), rows.shape[1])) for _ in range(3))
     for k, now in enumerate(rows.T):
-        state = State(model, states.qpos[now], states.qvel[now], track.ctrl[now, 0], track.time[now], track.period, memory)
+        state = State(
+            model, states.qpos[now], states.qvel[now], track.ctrl[now, 0], track.time[now], track.period, memory
+        )
         found = coupled(model, state, placed.effect.law, placed.site, placed.values)
         force[:, k] = found.pull - (found.inertia - model.dof_armature[dof]) * rate[now]
         lead[:, k], speed[:, k] = found.lead, found.rate

@@ -37,7 +37,13 @@ class Linear:
 
 
 def linearise(
-    track: Track, numbers: Sequence[Parameter], placed: Sequence[Placed], states: States, tau: np.ndarray, doubt, theta=None
+    track: Track,
+    numbers: Sequence[Parameter],
+    placed: Sequence[Placed],
+    states: States,
+    tau: np.ndarray,
+    doubt,
+    theta=None,
 ) -> Linear:
     """Linearise every sample: one simulation of all of them for each coordinate, force and parameter."""
     placed = placed_of(numbers, placed)

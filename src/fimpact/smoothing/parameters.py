@@ -86,9 +86,7 @@ def _unknown(unknown, value: float, own: float) -> Parameter:
     log = positive and own > 0
     size = abs(own) or 1.0
     low = np.finfo(float).tiny if log else 0.0 if positive else -np.inf
-    return Parameter(
-        unknown.field, unknown.name, unit, -1, value, own, unknown.sd * size, low, np.inf, log, size
-    )
+    return Parameter(unknown.field, unknown.name, unit, -1, value, own, unknown.sd * size, low, np.inf, log, size)
 
 
 def _coefficient(law: Placed, c, place: int, prior: dict[str, float]) -> Parameter:

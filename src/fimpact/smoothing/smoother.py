@@ -25,6 +25,7 @@ from fimpact.smoothing.track import Track
 
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
 INNER = 4  # updates of the noise levels between two linearisations
+SMALL = 0.1  # of itself, that a number moves by: as much as one sd
 LEAST = 1e-4  # of its first size: a missing force that is smaller is none
 TRUSTED = (0.1, 30.0)  # times what the samples show: noise levels of the readings
 FLIGHT, STANCE, CHANGE = 0, 1, 2  # contact modes
@@ -136,8 +137,9 @@ def smooth(
         if not np.isfinite(found.chi2):
             break
         before, change = change, _moves(linear, levels, found, track)
-        relax = max(relax / 2, 0.25) if change > 0.7 * before else 1.0  # a kink is approached from both sides
-        found = replace(found, change=relax * found.change)
+        # A kink is approached from both sides: what does not shrink is gone half the way.
+        relax = max(relax / 2, 0.25) if change > 0.9 * before else relax if change > 0.5 * before else 1.0
+        found = replace(found, change=relax * found.change, step=relax * found.step)
         n = track.space.size
         states, tau = track.space.plus(states, found.change[:, :n]), tau + found.change[:, n:]
         doubt = _doubts(track, linear, found)
@@ -149,7 +151,9 @@ def smooth(
         levels = _modes(track, states, tau, levels)
         far = _farthest(found, numbers)
         worn = change > WORN or far > 10 * WORN
-        progress(f"smoothing: step {k + 1}, readings move by {change:.2g} of their noise, numbers by {far:.2g} of their sd")
+        progress(
+            f"smoothing: step {k + 1}, readings move by {change:.2g} of their noise, numbers by {far:.2g} of their sd"
+        )
         if k >= len(anneal) and max(change, shift / 4, far / 4) < STILL:
             converged = True
             break
@@ -171,9 +175,14 @@ def _linear(track, numbers, fixed, placed, states, tau, doubt, like: Linear | No
 
 
 def _farthest(found: Solved, numbers: Sequence[Parameter]) -> float:
-    """Largest step, in its sd, of a number that is not at its bound."""
+    """Largest step of a number that is not at its bound: in its sd, or where that is less, in `SMALL` parts of itself.
+
+    Far from the noise the sd of white noise is a fraction of what a number is really known to.
+    """
     sizes = np.abs(found.step * np.sqrt(np.diag(found.information)))
-    return float(max((s for s, n in zip(sizes, numbers, strict=True) if not n.at_bound), default=0.0))
+    own = [abs(s) if n.log else abs(s) / n.size for n, s in zip(numbers, found.step, strict=True)]
+    both = [min(sd, part / SMALL) for sd, part in zip(sizes, own, strict=True)]
+    return float(max((s for s, n in zip(both, numbers, strict=True) if not n.at_bound), default=0.0))
 
 
 # ---- one step
@@ -216,7 +225,10 @@ def normal(innovations: np.ndarray, numbers: Sequence[Parameter]) -> tuple[np.nd
     Args:
         innovations: (N, ny, 1 + p) in sd.
     """
-    data, columns = innovations[:, :, 0].ravel(), -innovations[:, :, 1 : 1 + len(numbers)].reshape(innovations[:, :, 0].size, len(numbers))
+    data, columns = (
+        innovations[:, :, 0].ravel(),
+        -innovations[:, :, 1 : 1 + len(numbers)].reshape(innovations[:, :, 0].size, len(numbers)),
+    )
     if not len(numbers):
         return np.zeros(0), float(data @ data), np.zeros((0, 0))
     slopes = np.array([n.slope for n in numbers])

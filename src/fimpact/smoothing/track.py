@@ -14,7 +14,16 @@ from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut
-from fimpact.smoothing.laws import DRY, expected_sign, force_of, middle, friction_slope, reading_of, slope_of_sign, speed_doubt
+from fimpact.smoothing.laws import (
+    DRY,
+    expected_sign,
+    force_of,
+    friction_slope,
+    middle,
+    reading_of,
+    slope_of_sign,
+    speed_doubt,
+)
 from fimpact.smoothing.states import States, Tangent, tangent
 
 FINEST = 32  # parts of the model's time step at most
@@ -154,8 +163,17 @@ class Track:
             slope += friction_slope(self, law, states, tau, doubt)
         model = self.model_of(placed, theta)
         dry = self._dry(model, states, doubt)
+        # What stops a joint within a sample has no tangent beyond it: the midpoint rule would let it swing.
+        slope = np.maximum(slope + dry[1], -1 / (model.dof_invweight0 * self.period))
         return Plant(
-            self, self.at_steps(model), tuple(placed), self.commands(placed), force + dry[0], slope + dry[1], states, tau
+            self,
+            self.at_steps(model),
+            tuple(placed),
+            self.commands(placed),
+            force + dry[0],
+            slope,
+            states,
+            tau,
         )
 
     def model_of(self, placed: Sequence[Placed], theta: np.ndarray) -> mujoco.MjModel:
