@@ -17,7 +17,7 @@ SHARE = 0.02  # of the squared missing force at its place: less is no explanatio
 REFINES = 0.10  # of what is left at its place: least share of a small refinement (METHOD 5.6)
 FOLDS = 5  # of blocked validation
 STRETCHES = 10  # least number of stretches from which a spread is estimated
-BELIEF = 2.0  # prior standard deviations: an amplitude further out stands for something else (METHOD 6)
+BELIEF = 2.0  # standard errors that a gain is beyond nothing, and prior ones that a size is believed (METHOD 5, 6)
 CONFIDENCE = 0.95  # of intervals
 
 # What is said

@@ -17,6 +17,7 @@ from fimpact.smoothing.smoother import Smoothed
 from fimpact.units import channel_unit
 
 CERTAIN, POSSIBLE, SLIGHT = "certain", "possible", "small"
+NOTHING = 1e-3  # of what such parts have: no value of a verdict
 RUNS = 2  # more than there are numbers: from there the spread from run to run is known
 # Turns of what is no joint, though one may have the name of its site.
 ELSEWHERE = ("inertia", "gravity_tilt", "ground_tilt", "misalignment")
@@ -98,6 +99,8 @@ def _why_not(smoothed: Smoothed, place: int, own: list[tuple[Parameter, dict]]) 
     seen = [(n, row) for n, row in sizes if not row["low"] <= law.effect.neutral[n.name] <= row["high"]]
     if not seen:
         return "its interval holds nothing"
+    if all(abs(n.value) < NOTHING * prior.get(n.name, 0.0) for n, _ in seen):
+        return "it is next to nothing"
     if any(n.at_bound and n.value for n, _ in own):
         return "a value lies at its bound"
     off = [n for n, _ in seen if abs(n.value - law.effect.neutral[n.name]) > BELIEF * prior.get(n.name, np.inf)]
@@ -107,8 +110,12 @@ def _why_not(smoothed: Smoothed, place: int, own: list[tuple[Parameter, dict]]) 
 
 
 def told(finding: Finding) -> list[dict[str, Any]]:
-    """The numbers of an effect that its intervals tell from nothing."""
-    return [row for row in finding.rows if not row["low"] <= 0 <= row["high"]]
+    """The numbers of an effect that its intervals tell from nothing, and that are something beside the largest."""
+    most: dict[str, float] = {}
+    for row in finding.rows:
+        most[row["unit"]] = max(abs(row["after"]), most.get(row["unit"], 0.0))
+    seen = [row for row in finding.rows if not row["low"] <= 0 <= row["high"]]
+    return [row for row in seen if abs(row["after"]) >= NOTHING * most[row["unit"]]]
 
 
 def unit_at(spec: mujoco.MjSpec, of: str, unit: str) -> str:

@@ -6,7 +6,7 @@ from fimpact.selection.forward import Explanation
 from fimpact.smoothing.prepare import Prepared
 
 SHORT = 20  # samples: less is no run
-STILL = 5.0  # times the noise: a joint that moved by less never moved
+MOVED = 5.0  # times the noise: a joint that moved by less never moved
 
 
 def notes_on(prepared: Prepared, found: Explanation) -> list[str]:
@@ -16,7 +16,7 @@ def notes_on(prepared: Prepared, found: Explanation) -> list[str]:
         notes.append("The naive model's fit did not converge: take the numbers with care.")
     if len(track.runs) == 1:
         notes.append("Only one run was fitted: how much the numbers vary from run to run is not known.")
-    still = [n for n in _still(prepared)]
+    still = _still(prepared)
     if still:
         notes.append(f"{', '.join(still[:4])} never moved: nothing can be said of friction or inertia there.")
     if track.model.nu and not np.ptp(track.ctrl[:, 0], axis=0).any():
@@ -31,6 +31,6 @@ def _still(prepared: Prepared) -> list[str]:
     for column, channel in enumerate(track.recording.channels):
         sensor = track.model.sensor(channel.partition("[")[0])
         known = track.measured[:, column][np.isfinite(track.measured[:, column])]
-        if int(sensor.objtype[0]) == 3 and known.size and np.ptp(known) < STILL * prepared.noise[column]:
+        if int(sensor.objtype[0]) == 3 and known.size and np.ptp(known) < MOVED * prepared.noise[column]:
             out.append(track.model.joint(int(sensor.objid[0])).name)
     return out

@@ -6,7 +6,6 @@ import numpy as np
 
 from fimpact.diagnosis.proof import Proof
 from fimpact.selection.forward import Explanation
-from fimpact.simulation.simulator import Hypothesis
 from fimpact.smoothing.prepare import Prepared, measured_states
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.track import Track
@@ -128,8 +127,3 @@ def _slides(model, dof: int) -> bool:
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def hypothesis_of(fit: Smoothed) -> Hypothesis:
-    """The model of a fit."""
-    return Hypothesis(fit.theta, fit.placed)

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from fimpact.diagnosis.findings import CERTAIN, POSSIBLE, SLIGHT, Finding, told
 from fimpact.effects.base import words
 
@@ -13,7 +15,11 @@ def value_in_words(row: dict[str, Any]) -> str:
     """``friction 0.0299 ± 0.0002 N m``; a ratio has no unit."""
     unit = "" if row["unit"] in ("1", "") else f" {row['unit']}"
     half = (row["high"] - row["low"]) / 2
-    return f"{row['name'].replace('_', ' ')} {row['after']:.3g} ± {half:.1g}{unit}"
+    return f"{row['name'].replace('_', ' ')} {row['after']:.3g} ± {_one_digit(half)}{unit}"
+
+
+def _one_digit(size: float) -> str:
+    return f"{size:.1g}" if size < 10 else f"{round(size, -int(np.floor(np.log10(size)))):.0f}"
 
 
 def effect_in_words(finding: Finding) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fimpact.deciding import P_ALARM, REFINES, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
-from fimpact.selection.options import Option, options
+from fimpact.selection.options import options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
 from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales
@@ -22,8 +22,8 @@ RIVALS = 4  # refitted beside the best in a round
 
 @dataclass(frozen=True)
 class Alternative:
-    """An explanation in place of the last one chosen, refitted: its effects, the unknowns with them, (p,), and its weight
-    beside the answer's 1."""
+    """An explanation in place of the last one chosen, refitted: its effects, the unknowns with them, (p,), and its
+    weight beside the answer's 1."""
 
     placed: tuple[Placed, ...]
     theta: np.ndarray
@@ -84,7 +84,7 @@ class Search:
         regression = Regression(self.current, columns(self.current, tried))
         offered = options(self.track.model, self.track.recording.channels, tried)
         offered = [option for option in offered if option.name not in self.failed]
-        missing = (self.current.tau**2).sum(0) if small else self.missing
+        missing = self.left() if small else self.missing
         found = search(regression, offered, missing, REFINES if small else SHARE)
         if found.chosen is None and self.rounds:
             self.last = found
@@ -96,12 +96,17 @@ class Search:
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
         best = self.refitted(regression, chosen)
         best = self._among_rivals(regression, found, best)
-        best = self.pruned(best, missing if small else self.missing, small)
+        best = self.pruned(best, missing, small)
         self.current = best if best.converged else before
         if best.converged:
             self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in self.current.placed}
         self.failed.add(chosen.option.name)
         return True
+
+    def left(self) -> np.ndarray:
+        """Squared force, (nv,), of which a refinement must take its share: what is left, but no less than what would
+        not have been worth a name at first."""
+        return np.maximum((self.current.tau**2).sum(0), SHARE * self.missing)
 
     def refitted(self, regression: Regression, trial: Trial) -> Smoothed:
         """The fit with the members of `trial`, begun where the regression has them."""
@@ -135,13 +140,14 @@ class Search:
 
     def pruned(self, fit: Smoothed, missing: np.ndarray, small: bool) -> Smoothed:
         """The fit without what is worth nothing, one refit for all of it."""
-        while True:
+        while fit.converged:
             kept = [i for i in range(len(fit.placed)) if self._bears(fit, i, missing, small)]
             if len(kept) == len(fit.placed):
                 return fit
             self.dropped |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
             placed, priors = tuple(fit.placed[i] for i in kept), tuple(fit.priors[i] for i in kept)
             fit = smooth(self.track, self.begun, self.noise, placed, priors, fit, progress=self.progress)
+        return fit
 
     def _bears(self, fit: Smoothed, place: int, missing: np.ndarray, small: bool) -> bool:
         if small and place < len(self.current.placed):
@@ -198,7 +204,7 @@ def _with_held(law: Placed, placed: Sequence[Placed]) -> Placed:
     """A law that takes the place of its special cases begins with their amplitudes."""
     values = dict(law.values)
     for i in _held_by(law.effect, law.site, placed):
-        own = [c for c in placed[i].effect.coefficients if not c.shape][0]
+        own = next(c for c in placed[i].effect.coefficients if not c.shape)
         alike = [c.name for c in law.effect.coefficients if c.name in (own.name, placed[i].effect.name)]
         for name in alike[:1]:
             values[name] += placed[i].values[own.name]
@@ -212,8 +218,3 @@ def _within(placed: Placed) -> Placed:
 
 def _is_shape(placed: Placed, name: str) -> bool:
     return next(c.shape for c in placed.effect.coefficients if c.name == name)
-
-
-def chosen_options(rounds: Sequence[Round]) -> list[Option]:
-    """What each round chose."""
-    return [found.chosen.option for found in rounds if found.chosen]

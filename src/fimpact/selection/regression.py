@@ -21,7 +21,7 @@ LONG = 4  # correlation times in a stretch
 
 @dataclass(frozen=True)
 class Estimate:
-    """Values (k,) of the columns `kept`, the loss of the fit, and what each fold has without its stretches, (folds, k)."""
+    """Values (k,) of the columns `kept`, loss of the fit, and what each fold has without its stretches, (folds, k)."""
 
     kept: tuple[int, ...]
     values: np.ndarray
@@ -123,8 +123,8 @@ class Regression:
         """
         kept = list(found.kept)
         whole, prior = self.gram[:, kept][:, :, kept].sum(0), np.diag(self.weight[kept])
-        white = np.linalg.pinv(whole + prior, hermitian=True)
-        bread = np.linalg.pinv(whole / self.dispersion + prior, hermitian=True)
+        white = _inverse(whole + prior)
+        bread = _inverse(whole / self.dispersion + prior)
         scores = self.scores(found) / self.dispersion
         if clusters is not None:
             scores = np.array([scores[clusters == c].sum(0) for c in np.unique(clusters)])
@@ -188,6 +188,12 @@ def _correlation_time(tau: np.ndarray) -> int:
     power = np.fft.irfft(np.abs(np.fft.rfft(own, size)) ** 2, size)[: len(own)]
     below = np.flatnonzero(power < power[0] / np.e)
     return int(below[0]) if len(below) else len(own)
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric matrix whose columns may differ in size by orders of magnitude."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
 
 
 def _ridge(gram: np.ndarray, right: np.ndarray) -> np.ndarray:

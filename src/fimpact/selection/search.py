@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from fimpact.deciding import P_ALARM, TIED, UNLIKELY
+from fimpact.deciding import BELIEF, P_ALARM, TIED, UNLIKELY
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, chance
 from fimpact.smoothing.smoother import inverse_of_push
@@ -23,7 +23,7 @@ class Trial:
 
     p: chance of its gain over all that was tried. gain, error: predicted on stretches that were not fitted, in squared
     innovations, and its standard error. share, place: largest share of the missing force that it takes away, and the
-    degree of freedom where. errors: (stretches,) squared innovations left. places: ``effect@site`` of what is kept of it.
+    degree of freedom where. errors: (stretches,) squared innovations left. places: ``effect@site`` of what is kept.
     """
 
     option: Option
@@ -57,7 +57,7 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     errors, forces = regression.errors(now), regression.forces_left(now)
     tried = [attempt(regression, now, errors, forces, missing, option) for option in offered]
     tried = sorted((t for t in tried if t), key=lambda t: -t.gain)
-    good = [t for t in tried if t.p < P_ALARM and t.gain > 0 and t.share > floor]
+    good = [t for t in tried if t.p < P_ALARM and t.gain > BELIEF * t.error and t.share > floor]
     if not good:
         return Round(None, (), tuple(tried))
     best = good[0]
@@ -121,8 +121,8 @@ def lag(regression: Regression, best: Trial, other: Trial) -> float:
 
 @dataclass(frozen=True)
 class Worth:
-    """What one number of a fit is worth: chance of so much of it where there is none, and the square of its force, as the
-    largest share of what was missing at a place; 1 of what acts on readings only."""
+    """What one number of a fit is worth: chance of so much of it where there is none, and the square of its force, as
+    the largest share of what was missing at a place; 1 of what acts on readings only."""
 
     p: float
     share: float

@@ -54,9 +54,9 @@ class Candidate:
 class Columns:
     """Whitened columns of a smoothed recording; the first is the data's, then its p parameters', then candidates'.
 
-    innovations: (N, ny, 1 + p + c), sensitivities with their sign so that data = columns @ values. forces: (N, nv, 1 + p
-    + c), the posterior missing force of each in the same sense. owners: (candidate, amplitude) of each of the c columns,
-    which are in units of the prior's sd.
+    innovations: (N, ny, 1 + p + c), sensitivities with their sign so that data = columns @ values. forces: (N, nv,
+    1 + p + c), the posterior missing force of each in the same sense. owners: (candidate, amplitude) of each of the c
+    columns, which are in units of the prior's sd.
     """
 
     innovations: np.ndarray

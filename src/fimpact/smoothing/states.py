@@ -1,4 +1,4 @@
-"""Coordinates of a simulation's state: positions with quaternions, and the tangent space in which they are estimated."""
+"""Coordinates of a simulation's state: positions with quaternions, and the tangent space of their estimates."""
 
 from dataclasses import dataclass
 

@@ -26,6 +26,7 @@ from fimpact.smoothing.laws import (
 )
 from fimpact.smoothing.states import States, Tangent, tangent
 
+STEEP = 4.0  # times the slope that stops a joint within a sample: no tangent is steeper
 FINEST = 32  # parts of the model's time step at most
 LONG = 256  # samples that a law with a memory is given to gather it
 ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
@@ -81,7 +82,7 @@ class Track:
     @cached_property
     def pieces(self) -> tuple[np.ndarray, np.ndarray]:
         """Rows (pieces, n) of stretches that a law with a memory passes side by side, and which of them count, a mask:
-        before the others it only gathers what it remembers. Runs that are no longer than a stretch begin at their start."""
+        before the others it only gathers what it remembers. Runs no longer than a stretch begin at their start."""
         rows, counted = [], []
         size = 2 * LONG
         for part in self.slices():
@@ -164,7 +165,7 @@ class Track:
         model = self.model_of(placed, theta)
         dry = self._dry(model, states, doubt)
         # What stops a joint within a sample has no tangent beyond it: the midpoint rule would let it swing.
-        slope = np.maximum(slope + dry[1], -1 / (model.dof_invweight0 * self.period))
+        slope = np.maximum(slope + dry[1], -STEEP / (model.dof_invweight0 * self.period))
         return Plant(
             self,
             self.at_steps(model),
@@ -181,8 +182,8 @@ class Track:
         return self.simulator.model(Hypothesis(theta, tuple(placed)))
 
     def _dry(self, model: mujoco.MjModel, states: States, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Take added dry friction out of `model`; returns it as a force, (N, nv), at the expected sign of the speed, and its
-        derivative by that speed.
+        """Take added dry friction out of `model`; returns it as a force, (N, nv), at the expected sign of the speed,
+        and its slope.
 
         Exact friction has no derivative where it stops a joint, and a fit through its reversals never settles.
         """
@@ -202,8 +203,8 @@ class Track:
 
 @dataclass(frozen=True)
 class Plant:
-    """What a hypothesis makes of each sample: the model at its time steps, commands, and forces of laws (N, nv) along the
-    states `around`."""
+    """What a hypothesis makes of each sample: the model at its time steps, commands, and forces of laws, (N, nv), with
+    their slopes, along the states `around`."""
 
     track: Track
     models: tuple[mujoco.MjModel, ...]
@@ -239,7 +240,7 @@ def refined(
     """The track at a time step whose error moves no reading, and the states to begin with.
 
     Args:
-        begin: of a track, the states that the measurements show. refine: parts of the model's step; 0: as many as needed.
+        begin: of a track, the states that the measurements show. refine: parts of the model's step, 0: as needed.
     """
     if refine:
         track = Track(Simulator(recording, refine), runs)
