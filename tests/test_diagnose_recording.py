@@ -92,18 +92,18 @@ def test_the_improved_model_of_a_rig_needs_plain_mujoco_only(tmp_path):
 
 
 def test_effects_that_are_insisted_on_are_fitted_and_no_others(case, tmp_path, capsys):
-    code = main(["fit", str(case), "coulomb@pivot", "rotor_inertia@pivot", "-o", str(tmp_path / "fit.json")])
+    code = main(["fit", str(case), "coulomb@pivot", "-o", str(tmp_path / "fit.json")])
     said = capsys.readouterr().out.splitlines()
     found = json.loads((tmp_path / "fit.json").read_text())
     assert code == 0 and [row["of"] for row in found["parameters"]] == [
-        "mass@rod", "damping@pivot", "coulomb@pivot", "rotor_inertia@pivot",
+        "mass@rod", "damping@pivot", "coulomb@pivot",
     ]  # fmt: skip
-    mass, damping, friction, _ = found["parameters"]
+    mass, damping, friction = found["parameters"]
     assert mass["low"] < 0.3 < mass["high"] and friction["after"] == pytest.approx(0.03, rel=0.03)
     assert damping["naive"] != damping["after"] == pytest.approx(0.02, rel=0.1)
     (run,) = found["held_out"]["runs"]
     assert run["error_improved"] < 0.6 * run["error_naive"]
-    assert [line.partition(" ")[0] for line in said] == ["mass", "damping", "coulomb", "rotor", "held-out"]
+    assert [line.partition(" ")[0] for line in said] == ["mass", "damping", "coulomb", "held-out"]
 
 
 def test_fit_and_diagnose_have_the_same_naive_error(case, tmp_path, capsys):

@@ -40,7 +40,7 @@ def _of_rig(rig: str, diagnosis: Path, compared: Path | str | None) -> list[dict
     about |= {tier: in_cell(found["effects"], tier) for tier in ("certain", "possible")}
     about["seconds"] = json.loads(diagnosis.with_name(TIMING).read_text(encoding="utf-8"))["seconds"]
     nobody = dict.fromkeys(OF_PEERS.values(), np.nan)
-    return [about | row | nobody | theirs.get(row["run"], {}) for row in found["held_out"]["runs"]]
+    return [about | nobody | row | theirs.get(row["run"], {}) for row in found["held_out"]["runs"]]
 
 
 def in_cell(effects: list[dict[str, Any]], tier: str) -> str:
@@ -49,9 +49,13 @@ def in_cell(effects: list[dict[str, Any]], tier: str) -> str:
         f"{effect['name']}:{row['name']}={row['value']:.4g}±{_half(row)}"
         for effect in effects
         for row in effect["coefficients"]
-        if effect["tier"] == tier
+        if effect["tier"] == tier and (tier != "certain" or not _holds_nothing(row))
     ]
     return ";".join(told)
+
+
+def _holds_nothing(row: Mapping[str, Any]) -> bool:
+    return row["low"] is None or row["high"] is None or row["low"] <= 0 <= row["high"]
 
 
 def _half(row: Mapping[str, Any]) -> str:
