@@ -17,6 +17,7 @@ from fimpact.scene import Scene, contacts, outline, plane_of_motion, surfaces
 @pytest.fixture
 def drawings():
     """Every figure as a function of the stem to draw it to."""
+    plt.close("all")  # of other files in the same process
     trials, sweep = synthetic.campaign(3, 2), synthetic.sweep((0.6, 0.8), 3)
     return {
         "panels": lambda stem: figures.panels(trials, stem),

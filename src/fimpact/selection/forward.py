@@ -123,7 +123,8 @@ class Search:
 
     def _among_rivals(self, regression: Regression, found: Round, best: Smoothed) -> Smoothed:
         """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
-        rivals = [t for t, _ in found.rivals][:RIVALS]
+        # Classes of many places are told apart by what they predict; one-place names, near the noise, by refits.
+        rivals = [t for t, _ in found.rivals][:RIVALS] if len(found.chosen.places) == 1 else []
         fits = [best] + [self.refitted(regression, t) for t in rivals]
         losses = np.array([fit.loss if fit.converged else np.inf for fit in fits])
         spread = regression.dispersion
