@@ -17,6 +17,7 @@ from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
 MOST = 12  # rounds
+MISSES = 2  # refits in a row that do not converge: what could be told of the rest is told
 RIVALS = 4  # refitted beside the best in a round
 
 
@@ -59,6 +60,7 @@ class Search:
         self.alternatives: list[Alternative] = []
         self.dropped: set[str] = set()
         self.failed: set[str] = set()
+        self.misses = 0
 
     def open(self, small: bool) -> list[Candidate]:
         """Candidates that are not in; small: refinements of what is, which wait for the second tier."""
@@ -101,7 +103,8 @@ class Search:
         if best.converged:
             self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in self.current.placed}
         self.failed.add(chosen.option.name)
-        return True
+        self.misses = 0 if best.converged else self.misses + 1
+        return self.misses < MISSES
 
     def left(self) -> np.ndarray:
         """Squared force, (nv,), of which a refinement must take its share: what is left, but no less than what would
@@ -168,7 +171,7 @@ def explain(
     state = Search(track, begun, noise, effects, progress)
     while len(state.rounds) < MOST and state.round():
         pass
-    main = len(state.current.placed)
+    main, state.misses = len(state.current.placed), 0
     first = state.rounds[0] if state.rounds else None
     while main and len(state.rounds) < 2 * MOST and state.round(small=True):
         pass
