@@ -19,6 +19,3 @@ FOLDS = 5  # of blocked validation
 STRETCHES = 10  # least number of stretches from which a spread is estimated
 BELIEF = 2.0  # standard errors that a gain is beyond nothing, and prior ones that a size is believed (METHOD 5, 6)
 CONFIDENCE = 0.95  # of intervals
-
-# What is said
-FLOOR = 1.2  # times the floor: held-out error up to which nothing is missing

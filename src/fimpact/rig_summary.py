@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fimpact.report_numbers import short
-
 ERRORS = {
     "error_naive": "naive fit",
     "error_freed": "everything freed",
@@ -85,7 +83,7 @@ def to_markdown(summary: pd.DataFrame) -> str:
         one = rows.iloc[0]
         errors = [_error(rows[name].median(skipna=False), one.unit) for name in ERRORS]
         said = one.verdict.replace("|", "/")
-        lines.append([str(rig).replace("_", " "), str(len(rows)), *errors, short(one.seconds, 2), said])
+        lines.append([str(rig).replace("_", " "), str(len(rows)), *errors, f"{one.seconds:.0f}", said])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from fimpact.deciding import FLOOR
 from fimpact.diagnosis.findings import CERTAIN, POSSIBLE, Finding, findings, parameter_rows
 from fimpact.diagnosis.freed import fit_freed
 from fimpact.diagnosis.notes import notes_on
@@ -189,11 +188,3 @@ def _proof(proof: Proof | None) -> dict[str, Any]:
         "unit": proof.unit, "noise_floor": proof.noise_floor, "horizons": proof.horizons, "runs": list(proof.runs),
         "curve": proof.curves,
     }  # fmt: skip
-
-
-def is_at_floor(proof: Proof | None) -> bool:
-    """Whether the naive model predicts held-out runs as well as noise lets anything."""
-    if proof is None:
-        return False
-    errors = [row["error_naive"] for row in proof.runs]
-    return bool(errors) and all(e is not None and e < FLOOR * proof.noise_floor for e in errors)

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-KINEMATICS, TURNED = "kinematics", "turned"  # keys of a memory that no law has kept
+KINEMATICS = "kinematics"  # key of a memory that no law has kept
 ENTERS = ("model", "force", "friction", "gear", "command", "measurement")
 SMALL = 0.02  # of a natural scale of the recording: probing amplitudes
 RIGID_BODIES, FRICTION, MOTOR, TRANSMISSION, SENSING, STRUCTURE, ENVIRONMENT = range(7)  # the order of suspicion
@@ -90,12 +90,7 @@ class State:
     @property
     def remembers(self) -> bool:
         """Whether a law has kept anything here."""
-        return bool(self.memory.keys() - {KINEMATICS, TURNED})
-
-    def turned(self, site: str) -> np.ndarray | None:
-        """Where joint `site` was first, has turned since, and began these simulations, (n, k), as far as that was
-        measured, or NaN; None: nothing is known of what was before."""
-        return self.memory[TURNED][:, :, self.model.joint(site).dofadr[0]] if TURNED in self.memory else None
+        return bool(self.memory.keys() - {KINEMATICS})
 
     def joint(self, site: str) -> tuple[int, np.ndarray, np.ndarray]:
         """Degree of freedom, position (n,) and speed (n,) of the hinge or slide joint `site`."""
@@ -195,7 +190,6 @@ class Effect:
         probes are small beside. prior_source: whence.
     order: place in the order in which an engineer suspects, which decides ties: RIGID_BODIES first.
     refines: names of effects of which this is a small refinement.
-    when: of (signal, site, **values) -> times, (n, T), at which a sensor reads what it reports; None: at the signal's.
     """
 
     name: str
@@ -214,7 +208,6 @@ class Effect:
     linear: bool = True
     contains: tuple[str, ...] = ()
     touching: bool = False
-    when: Callable[..., np.ndarray] | None = None
     prior: Callable[[Scales, mujoco.MjModel, str], Values] | None = None
     prior_source: str = "the natural scale of the recording"
     order: int = ENVIRONMENT
@@ -245,16 +238,6 @@ class Placed:
     def held(self) -> list[str]:
         """Values that no probe moves, and no fit: an anchor out of the plane of a planar mechanism, say."""
         return [name for name, size in self.sizes.items() if size == 0]
-
-    @property
-    def at_limit(self) -> bool:
-        """Whether an amplitude is as large as it may be at all: the effect stands in for something else."""
-        return any(
-            bound != self.effect.neutral[c.name] and np.isclose(self.values[c.name], bound, rtol=1e-9, atol=0)
-            for c in self.effect.coefficients
-            if not c.shape
-            for bound in (c.low, c.high)
-        )
 
     @property
     def name(self) -> str:

@@ -68,15 +68,8 @@ def _bend(last, way):
 
 
 def _bent(state: State, site, displacement):
-    """The bristle at the start of a window: straight when its run began, and bent by the way since; where that is not
-    known, as if the joint had moved as it does now."""
-    guessed, turned = np.tanh(state.joint(site)[2] * REMEMBERED / displacement), state.turned(site)
-    if turned is None:
-        return guessed
-    bent = np.zeros_like(guessed)
-    for way in np.diff(turned).T:
-        bent = _bend(bent, way / displacement)
-    return np.where(np.isfinite(bent) & np.any(np.diff(turned), 1), bent, guessed)
+    """The bristle where nothing is known of what was before: as if the joint had moved as it does now."""
+    return np.tanh(state.joint(site)[2] * REMEMBERED / displacement)
 
 
 def _up_to_applied(*names, power=0):

@@ -179,7 +179,6 @@ EFFECTS = (
         prior=lambda scales, model, site: {"delay": amounts.delay(scales)},
         prior_source=LATE,
         order=SENSING,
-        when=_delayed,
     ),
     Effect(
         name="misalignment",
@@ -213,6 +212,5 @@ EFFECTS = (
         prior=lambda scales, model, site: {"rate": 1e-3},
         prior_source="quartz clocks are true to .01 %, clocks kept by software to .1 %",
         order=SENSING,
-        when=_drifted,
     ),
 )

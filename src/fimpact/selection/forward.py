@@ -60,7 +60,8 @@ class Search:
         self.alternatives: list[Alternative] = []
         self.dropped: set[str] = set()
         self.failed: set[str] = set()
-        self.misses = 0
+        self.misses, self.tries = 0, 0
+        self.hint = 1.0  # chance of the strongest hint of the first round
 
     def open(self, small: bool) -> list[Candidate]:
         """Candidates that are not in; small: refinements of what is, which wait for the second tier."""
@@ -88,23 +89,25 @@ class Search:
         offered = [option for option in offered if option.name not in self.failed]
         missing = self.left() if small else self.missing
         found = search(regression, offered, missing, REFINES if small else SHARE)
-        if found.chosen is None and self.rounds:
-            self.last = found
-            return False
-        self.rounds.append(found)
+        if not self.tries:
+            self.hint = min((t.p for t in found.tried), default=1.0)
+        self.tries += 1
         if found.chosen is None:
+            self.rounds += [] if self.tries > 1 else [found]
             return False
-        chosen, before = found.chosen, self.current
+        chosen, others = found.chosen, self.alternatives
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
         best = self.refitted(regression, chosen)
         best = self._among_rivals(regression, found, best)
         best = self.pruned(best, missing, small)
-        self.current = best if best.converged else before
-        if best.converged:
-            self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in self.current.placed}
         self.failed.add(chosen.option.name)
-        self.misses = 0 if best.converged else self.misses + 1
-        return self.misses < MISSES
+        if not best.converged:
+            self.alternatives, self.misses = others, self.misses + 1
+            return self.misses < MISSES
+        self.current, self.misses = best, 0
+        self.rounds.append(found)
+        self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in best.placed}
+        return True
 
     def left(self) -> np.ndarray:
         """Squared force, (nv,), of which a refinement must take its share: what is left, but no less than what would
@@ -169,17 +172,15 @@ def explain(
 ) -> Explanation:
     """Find what is missing: classes of physics first, then single odd effects, then small refinements of both."""
     state = Search(track, begun, noise, effects, progress)
-    while len(state.rounds) < MOST and state.round():
+    while state.tries < MOST and state.round():
         pass
     main, state.misses = len(state.current.placed), 0
-    first = state.rounds[0] if state.rounds else None
-    while main and len(state.rounds) < 2 * MOST and state.round(small=True):
+    while main and state.tries < 2 * MOST and state.round(small=True):
         pass
-    p = 1.0 if first is None else min((t.p for t in first.tried), default=1.0)
     final = state.current
     return Explanation(
         state.naive, final, Regression(final, columns(final, [])), main, tuple(state.rounds),
-        tuple(state.alternatives), p, state.scales, state.missing,
+        tuple(state.alternatives), state.hint, state.scales, state.missing,
     )  # fmt: skip
 
 

@@ -188,11 +188,6 @@ def _farthest(found: Solved, numbers: Sequence[Parameter]) -> float:
 # ---- one step
 
 
-def noises(track: Track, levels: Levels) -> np.ndarray:
-    """sd of each reading, (N, ny), inf where nothing was read."""
-    return np.where(np.isfinite(track.measured), levels.reading * levels.louder, np.inf)
-
-
 def solve(track: Track, linear: Linear, levels: Levels, tau: np.ndarray, numbers: Sequence[Parameter]) -> Solved:
     """One Gauss-Newton step at given noise levels."""
     own = filtered(track, linear, levels)
