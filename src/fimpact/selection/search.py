@@ -57,13 +57,14 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     errors, forces = regression.errors(now), regression.forces_left(now)
     tried = [attempt(regression, now, errors, forces, missing, option) for option in offered]
     tried = sorted((t for t in tried if t), key=lambda t: -t.gain)
-    good = [t for t in tried if t.p < P_ALARM and t.gain > BELIEF * t.error and t.share > floor]
+    likely = [t for t in tried if t.p < P_ALARM and t.gain > 0 and t.share > floor]
+    good = [t for t in likely if t.gain > BELIEF * t.error]
     if not good:
         return Round(None, (), tuple(tried))
-    best = good[0]
-    behind = [(t, lag(regression, best, t)) for t in good]
+    behind = [(t, lag(regression, good[0], t)) for t in likely]  # a rival need not be as sure as what is chosen
     allowed = {True: np.inf if has_servos(regression) else -2 * np.log(UNLIKELY), False: TIED}
-    tied = [t for t, own in behind if own < allowed[t.option.compound]]
+    sure = {t.option for t in good}
+    tied = [t for t, own in behind if t.option in sure and own < allowed[t.option.compound]]
     chosen = min(tied, key=lambda t: (t.option.order, -t.gain))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t.option is not chosen.option]
