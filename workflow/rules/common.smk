@@ -80,7 +80,7 @@ STAGES = {
     + "tables looks scene stage gif motion film report_figures report_look report_numbers report_contents".split()
     + "report diagnose_recording".split(),
     "compare_recording": [*READ, *PROOF, "simulation/random_features"] + "knobs peers tables compare_recording".split(),
-    "recordings_summary": ["__init__", "tables", "report_numbers", "rig_summary"],
+    "recordings_summary": ["__init__", "tables", "rig_summary"],
 }
 
 
