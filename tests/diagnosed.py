@@ -17,7 +17,9 @@ from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth
 
 
-def diagnosis_of(recording: Recording, answer: tuple[str, ...] = (), rivals: tuple[str, ...] = ()) -> Diagnosis:
+def diagnosis_of(
+    recording: Recording, answer: tuple[str, ...] = (), rivals: tuple[str, ...] = (), brief: bool = False
+) -> Diagnosis:
     """A diagnosis as it would be had the search answered the effects `answer`, ``effect@site`` each, and kept each of
     the effects `rivals` as an alternative with weight .4."""
 
@@ -31,7 +33,7 @@ def diagnosis_of(recording: Recording, answer: tuple[str, ...] = (), rivals: tup
         return Explanation(naive, final, regression, len(answer), (), kept, 0.01, motion_scales(naive), missing)
 
     with patch.object(pipeline, "explain", explain):
-        return diagnose(recording)
+        return diagnose(recording, brief=brief)
 
 
 def _forced(prepared: Prepared, naive: Smoothed, names: tuple[str, ...]) -> Smoothed:

@@ -9,9 +9,10 @@ from recorded import arm, rod
 
 from fimpact.effects import EFFECTS
 from fimpact.selection.regression import Regression
-from fimpact.smoothing.columns import SMALL, _Maker, at, columns, motion_scales
+from fimpact.smoothing.columns import SMALL, at, changes, columns, motion_scales
 from fimpact.smoothing.filtering import swept
-from fimpact.smoothing.linear import heavier, linearise
+from fimpact.smoothing.linear import linearise
+from fimpact.smoothing.response import heavier
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 
@@ -25,6 +26,11 @@ def naive(friction: float = 0.0):
 
 def candidate(smoothed, effect: str, site: str, choice: int = 0):
     return at(EFFECTS[effect], site, smoothed.track.model, motion_scales(smoothed))[choice]
+
+
+def unit_of(smoothed, own):
+    """What a unit of the prior of a linear effect does."""
+    return changes(smoothed, [own.placed([SMALL * sd for sd in own.sd])])[0].scaled(1 / SMALL)
 
 
 def innovations_with(smoothed, placed) -> np.ndarray:
@@ -87,15 +93,14 @@ def test_the_column_of_a_gain_is_the_torque_that_the_model_needs():
     """The applied torque holds what friction took of it: with a column of that, a gain would explain all friction."""
     smoothed = naive(0.15)
     track, own = smoothed.track, candidate(smoothed, "gain", "motor")
-    offset, left, pull = _Maker(smoothed)(own, 0)
-    push = smoothed.linear.advance[:, 1, 2]
-    force = offset[:, 1] / push / own.sd[0]
+    change = unit_of(smoothed, own)
+    force = change.force[:, 0] / own.sd[0]
     needed, applied = track.ctrl[:, 0, 0] + smoothed.tau[:, 0], track.ctrl[:, 0, 0]
     rows = ~track.last
     assert np.abs(smoothed.tau).mean() > 0.05
     np.testing.assert_allclose(force[rows], needed[rows], atol=0.01 * np.abs(needed).max())
     assert np.abs(force - applied)[rows].mean() > 0.05
-    assert not pull.any() and np.allclose(left, 0)
+    assert not change.after.any() and not change.readings.any()
 
 
 def test_what_a_limit_would_not_have_let_happen_has_no_column():

@@ -116,6 +116,16 @@ def test_fit_and_diagnose_have_the_same_naive_error(case, tmp_path, capsys):
     assert fitted["runs"][0]["error_naive"] == pytest.approx(proof.runs[0]["error_naive"], rel=1e-9)
 
 
+def test_what_is_left_out_of_a_brief_diagnosis_changes_no_answer(case):
+    whole, brief = (diagnosis_of(read_case(case), ("coulomb@pivot",), brief=own) for own in (False, True))
+    assert (brief.answer, brief.verdict) == (whole.answer, whole.verdict)
+    assert len(whole.proof.horizons) > len(brief.proof.horizons) == 1 and whole.remainder["held_out"]
+    assert not brief.remainder["held_out"] and "freed" not in brief.proof.curves
+    for row, own in zip(whole.proof.runs, brief.proof.runs, strict=True):
+        for name in ("error_naive", "error_improved"):
+            assert own[name] == pytest.approx(row[name], rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("names", "complaint"),
     [

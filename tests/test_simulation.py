@@ -10,7 +10,18 @@ import pytest
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Run, Unknown
-from fimpact.simulation.horizon import Starts, errors, fit_starts, ladder
+from fimpact.simulation import horizon
+from fimpact.simulation.horizon import (
+    REACH,
+    Starts,
+    errors,
+    fit_starts,
+    fit_windows,
+    ladder,
+    refit,
+    step_error,
+    window_starts,
+)
 from fimpact.simulation.nonsmooth import make_friction_exact
 from fimpact.simulation.random_features import learn_force
 from fimpact.simulation.simulator import Hypothesis, Simulator
@@ -333,6 +344,30 @@ def test_starts_are_found_on_the_measurements_of_each_window():
     assert np.abs(found[0] - true[:, :1]).max() < 1e-3 and np.abs(found[1] - true[:, 1:]).max() < 1e-2
     sure = fit_starts(simulator, hypothesis, windows, off[:, :1], off[:, 1:], none, sd * 1e-6, np.array([1e-3]))
     np.testing.assert_allclose(sure[0], off[:, :1], atol=1e-5)  # what is known is kept
+
+
+def test_a_wrong_model_buys_no_start_that_nobody_has_seen():
+    given, starts = record(0.2)
+    simulator, windows, noise = Simulator(given), cut(given.runs, 200), np.array([1e-3])
+    own = replace(window_starts(windows, starts), sd=np.full((len(windows.first), 2), 0.005))
+    fit = fit_windows(simulator, Hypothesis(simulator.theta), windows, own, noise)
+    far = np.sqrt(np.mean((fit.change / own.sd) ** 2, axis=1))
+    assert np.all(far < 1.001 * REACH) and far.max() > 0.9 * REACH  # it would go on
+    assert np.all((fit.left**2).sum(1) > 100 * fit.left.shape[1])  # and is seen to be wrong
+
+
+def test_a_finer_step_needs_no_new_slopes(monkeypatch):
+    given, starts = record(0.02)
+    coarse, fine, noise = Simulator(given), Simulator(given, 4), np.array([1e-3])
+    windows, hypothesis = cut(given.runs, 100), Hypothesis(coarse.theta)
+    own = window_starts(windows, starts)
+    anew, begun = (fit_windows(plant, hypothesis, windows, own, noise) for plant in (fine, coarse))
+    moved = step_error(begun, Simulator(given, 2), hypothesis, 4)
+    assert 0 < moved < 1 and step_error(begun, coarse, hypothesis, 4) == 0
+    monkeypatch.setattr(horizon, "_sloped", lambda *_: pytest.fail("slopes are kept"))
+    found = refit(begun, fine, hypothesis)
+    np.testing.assert_allclose(found.cost, anew.cost, rtol=0.02)
+    np.testing.assert_allclose(found.predicted, anew.predicted, atol=2e-3)
 
 
 def test_errors_by_horizon_are_noise_for_the_true_model_and_grow_for_a_wrong_one():

@@ -11,9 +11,10 @@ from recorded import ARM, ROD, arm, record, rod, waves
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
-from fimpact.smoothing.linear import heavier
+from fimpact.smoothing.response import heavier
 from fimpact.smoothing.prepare import Prepared, prepare
-from fimpact.smoothing.smoother import CHANGE, FLIGHT, STANCE, Smoothed, smooth
+from fimpact.smoothing.levels import CHANGE, FLIGHT, STANCE
+from fimpact.smoothing.smoother import Smoothed, smooth
 
 MOTOR = '<motor name="motor" joint="pivot"/>'
 BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
@@ -57,7 +58,7 @@ def test_dry_friction_that_is_added_takes_the_missing_force_away(friction):
     placed = Placed(EFFECTS["coulomb"], "pivot", {"friction": 0.08})
     found = smooth(made.track, made.begun, made.noise, (placed,), ({"friction": 0.5},), naive, rounds=20)
     assert number(found, "coulomb@pivot") == pytest.approx(friction, rel=0.01)
-    assert found.loss < naive.loss - 100
+    assert found.loss() < naive.loss() - 100
     assert np.mean(found.tau**2) < 0.02 * np.mean(naive.tau**2)
     assert found.converged  # through every reversal
 
@@ -88,7 +89,7 @@ def test_forces_that_nobody_knows_make_nothing_lighter(monkeypatch):
     made = prepare(swinging(0))
     mass = number(smooth(made.track, made.begun, made.noise), "mass@rod")
     assert mass == pytest.approx(0.3, rel=0.1)
-    for place in ("linear", "smoother"):
+    for place in ("response", "smoother"):
         monkeypatch.setattr(f"fimpact.smoothing.{place}.heavier", lambda after, before: np.ones(after.nv))
     assert number(smooth(made.track, made.begun, made.noise), "mass@rod") < 0.5 * mass
 

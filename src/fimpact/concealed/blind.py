@@ -51,7 +51,7 @@ def diagnose_case(recording: Recording, report: Report = lambda line: None) -> t
         and the experiments, ``designed`` and ``random``, or nothing.
     """
     watch = Stopwatch(report)
-    diagnosis = diagnose(recording, watch)
+    diagnosis = diagnose(recording, watch, brief=True)
     watch("exporting the improved model")
     exported = _exported(diagnosis)
     watch("designing the next experiment")
@@ -66,7 +66,7 @@ def _exported(diagnosis: Diagnosis) -> float | None:
     recording, noise, simulator = diagnosis.recording, diagnosis.prepared.noise, diagnosis.simulator
     runs = recording.held_out or recording.training
     windows = cut(runs, round((recording.window or QUICK) / recording.period), EXPORTED)
-    starts = starts_of(recording, runs, noise, simulator)
+    starts = diagnosis.proof.starts if diagnosis.proof else starts_of(recording, runs, noise, simulator)
     prediction, states = predict_windows(simulator, diagnosis.best, windows, starts, noise)
     with TemporaryDirectory() as folder:
         predicted = Predicted(windows, *states, prediction)

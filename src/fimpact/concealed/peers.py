@@ -85,7 +85,7 @@ def _refit_all(prepared: Prepared, naive: Smoothed) -> dict[str, Any]:
     places = list(dict.fromkeys((candidate.effect.name, candidate.site) for candidate in tried))
     fits = {NOTHING: naive}
     fits |= {f"{name}@{site}": fit_forced(prepared, naive, [(EFFECTS[name], site)]) for name, site in places}
-    chosen = min(fits, key=lambda name: fits[name].loss if fits[name].converged else np.inf)
+    chosen = min(fits, key=lambda name: fits[name].loss() if fits[name].converged else np.inf)
     best = fits[chosen]
     return {
         "screening_seconds": screening,

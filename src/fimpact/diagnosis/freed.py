@@ -1,14 +1,15 @@
 """Everything freed: what users do who do not know where something is missing, and the model to beat."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
 
 from fimpact.recordings import Recording, Unknown
 from fimpact.simulation.simulator import Hypothesis, Simulator
-from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import smooth
+from fimpact.smoothing.states import States
+from fimpact.smoothing.track import Track
 
 OF_JOINTS = ("damping", "frictionloss", "armature")
 TURNS_OR_SLIDES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
@@ -27,9 +28,14 @@ def freed(recording: Recording) -> Recording:
     return replace(recording, unknowns=recording.unknowns + extra)
 
 
-def fit_freed(prepared: Prepared, progress: Callable[[str], None]) -> tuple[Simulator, Hypothesis]:
-    """The naive model with everything freed at once, by the same estimator as all else."""
-    refine = round(Simulator(prepared.track.recording).base.opt.timestep / prepared.track.simulator.base.opt.timestep)
-    own = prepare(freed(prepared.track.recording), prepared.track.runs, max(refine, 1))
-    found = smooth(own.track, own.begun, own.noise, progress=progress)
-    return own.track.simulator, Hypothesis(found.theta)
+def fit_freed(prepared: Prepared, begun: States) -> tuple[Simulator, Hypothesis]:
+    """Fit the naive model with everything freed at once, by the same estimator as all else.
+
+    Args:
+        begun: states of the training runs to begin with, (N,).
+    """
+    recording = freed(prepared.track.recording)
+    coarse = round(Simulator(prepared.track.recording).base.opt.timestep / prepared.track.simulator.base.opt.timestep)
+    track = Track(Simulator(recording, max(coarse, 1)), prepared.track.runs)
+    found = smooth(track, begun, prepared.noise)
+    return track.simulator, Hypothesis(found.theta)

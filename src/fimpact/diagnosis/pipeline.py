@@ -68,11 +68,15 @@ class Diagnosis:
         return self.explanation.naive.converged and self.explanation.final.converged
 
 
-def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line: None) -> Diagnosis:
+def diagnose(
+    recording: Recording, progress: Callable[[str], None] = lambda line: None, brief: bool = False
+) -> Diagnosis:
     """Smooth, select, prove.
 
     Args:
         progress: receives one line at the start of each piece of work.
+        brief: proves at the case's own horizon only and without the freed model, and leaves out the missing force of
+            held-out runs: what no answer depends on.
     """
     progress("preparing the recordings")
     prepared = prepare(recording)
@@ -81,11 +85,12 @@ def diagnose(recording: Recording, progress: Callable[[str], None] = lambda line
     models = {"naive": (prepared.track.simulator, naive), "improved": (prepared.track.simulator, best)}
     if recording.held_out:
         progress("proving on held-out runs")
-        models["freed"] = fit_freed(prepared, lambda line: None)
-    proof = prove(prepared, models)
+    if recording.held_out and not brief:
+        models["freed"] = fit_freed(prepared, found.naive.states)
+    proof = prove(prepared, models, own_only=brief)
     rows = parameter_rows(found.final, recording)
     effects = findings(found.final, found.main, rows)
-    left = remainder(prepared, found, proof)
+    left = remainder(prepared, found, proof, brief)
     notes = notes_on(prepared, found)
     answer = _answer(effects, left)
     members = _members(found, answer)

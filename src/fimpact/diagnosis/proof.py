@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 
 from fimpact.recordings import Recording, Run
-from fimpact.simulation.horizon import Starts, errors
+from fimpact.simulation.horizon import (
+    Fit,
+    Starts,
+    errors_of,
+    fit_windows,
+    refit,
+    step_error,
+    window_starts,
+    windows_of,
+)
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.smoothing.prepare import Prepared, measured_states
 from fimpact.smoothing.smoother import smooth
@@ -15,20 +24,24 @@ from fimpact.smoothing.track import Track
 from fimpact.units import channel_unit
 
 HORIZONS = 6  # at most, of the ladder
-FINER = 4  # times as many steps in a proof as in a fit
+FINER = 4  # times as many steps in a proof as in a fit, at most
+MOVED = 0.05  # of a model's error: steps that change less than that are fine enough
+FEW = 4  # windows in which that is tried
 QUICK = 1.0  # s: the horizon by which runs are compared where a case names none
 
 
 @dataclass(frozen=True)
 class Proof:
     """Held-out error against horizon. horizons: (h,) s. curves: by model and "floor", (h,), sd of noise where channels
-    have several units, else in `unit`. runs: a row for each held-out run at the case's own horizon."""
+    have several units, else in `unit`. runs: a row for each held-out run at the case's own horizon. starts: states of
+    each held-out run as measured."""
 
     horizons: np.ndarray
     unit: str
     noise_floor: float
     curves: dict[str, np.ndarray]
     runs: tuple[dict[str, Any], ...]
+    starts: tuple[Starts, ...] = ()
 
 
 def starts_of(recording: Recording, runs: Sequence[Run], noise: np.ndarray, simulator: Simulator) -> list[Starts]:
@@ -57,25 +70,6 @@ def _spread(track: Track, noise: np.ndarray) -> np.ndarray:
     return np.concatenate([3 * known, known])
 
 
-def held_out_errors(
-    recording: Recording,
-    simulator: Simulator,
-    hypothesis: Hypothesis,
-    noise: np.ndarray,
-    starts: Sequence[Starts],
-    horizons: Sequence[float],
-    runs: Sequence[Run] = (),
-) -> tuple[np.ndarray, np.ndarray]:
-    """Root mean square error of a model, (h, runs), in the channels' unit or, of several units, in sd of noise; and the
-    horizons it was taken at, (h,)."""
-    runs = runs or recording.held_out
-    found = errors(simulator, hypothesis, recording, runs, starts, noise, horizons)
-    if unit_of(recording) == NOISE:
-        return found.normalised, found.horizons
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.sqrt(np.mean(found.error**2, axis=2)), found.horizons
-
-
 NOISE = "σ"
 
 
@@ -100,34 +94,56 @@ def horizons_of(recording: Recording) -> tuple[list[float], int]:
     return found, found.index(round(float(own), 6))
 
 
-def prove(prepared: Prepared, models: Mapping[str, tuple[Simulator, Hypothesis]]) -> Proof | None:
-    """Errors of `models` on the held-out runs; None where none were held out."""
+def prove(
+    prepared: Prepared, models: Mapping[str, tuple[Simulator, Hypothesis]], own_only: bool = False
+) -> Proof | None:
+    """Measure errors of `models` on the held-out runs; None where none were held out.
+
+    Args:
+        own_only: at the case's own horizon and no other.
+    """
     recording, noise = prepared.track.recording, prepared.noise
     if not recording.held_out:
         return None
-    simulator = prepared.track.simulator
-    starts = starts_of(recording, recording.held_out, noise, simulator)
+    starts = starts_of(recording, recording.held_out, noise, prepared.track.simulator)
     horizons, own = horizons_of(recording)
-    curves, at_own, taken = {}, {}, np.array(horizons)
-    for name, (coarse, hypothesis) in models.items():
-        plant = _finer(coarse)
-        found, taken = held_out_errors(plant.recording, plant, hypothesis, noise, starts, horizons)
-        with np.errstate(over="ignore", invalid="ignore"):
-            curves[name] = np.sqrt(np.nanmean(found**2, axis=1))
-        at_own[name] = found[own]
-    floor = floor_of(recording, noise)
+    horizons, own = ([horizons[own]], 0) if own_only else (horizons, own)
+    begun = [(w, window_starts(w, starts)) for w in windows_of(recording, recording.held_out, horizons)]
+    fits = {n: [fit_windows(*model, *own, noise) for own in begun] for n, model in models.items()}
+    found = {name: errors_of(own, recording.period) for name, own in _refined(models, fits).items()}
+    alone, floor = unit_of(recording) == NOISE, floor_of(recording, noise)
+    with np.errstate(over="ignore", invalid="ignore"):
+        each = {n: e.normalised if alone else np.sqrt(np.mean(e.error**2, axis=2)) for n, e in found.items()}
+        curves = {name: np.sqrt(np.nanmean(errors**2, axis=1)) for name, errors in each.items()}
+    taken = next((e.horizons for e in found.values()), np.array(horizons))
     curves["floor"] = np.full(len(taken), floor)
     runs = tuple(
-        {"run": run.name, "noise_floor": floor} | {f"error_{name}": _plain(e[i]) for name, e in at_own.items()}
+        {"run": run.name, "noise_floor": floor} | {f"error_{name}": _plain(e[own][i]) for name, e in each.items()}
         for i, run in enumerate(recording.held_out)
     )
-    return Proof(taken, unit_of(recording), floor, curves, runs)
+    return Proof(taken, unit_of(recording), floor, curves, runs, tuple(starts))
 
 
-def _finer(simulator: Simulator) -> Simulator:
-    """The same at a finer step: an error that a sample hardly feels adds up over a run."""
+def _refined(models: Mapping[str, tuple[Simulator, Hypothesis]], fits: dict[str, list[Fit]]) -> dict[str, list[Fit]]:
+    """The fits at a step so fine that half of it would move no model's prediction over the longest horizon by much.
+
+    A step's error that a sample hardly feels adds up over a run. The step of all is that of the model that needs the
+    finest; the starts found at the coarser one are where those at the finer one begin.
+    """
+    twice = {name: (_finer(simulator, 2), hypothesis) for name, (simulator, hypothesis) in models.items()}
+    moved, factor = max((step_error(fits[name][-1], *own, FEW) for name, own in twice.items()), default=0.0), 1
+    while moved > MOVED and factor < FINER:
+        moved, factor = moved / 2, 2 * factor  # of the first order
+    if factor == 1:
+        return fits
+    finer = {name: (_finer(simulator, factor), hypothesis) for name, (simulator, hypothesis) in models.items()}
+    return {name: [refit(fit, *finer[name]) for fit in own] for name, own in fits.items()}
+
+
+def _finer(simulator: Simulator, factor: int) -> Simulator:
+    """The same at a step a `factor` finer."""
     own = Simulator(simulator.recording).base.opt.timestep / simulator.base.opt.timestep
-    return Simulator(simulator.recording, FINER * max(round(own), 1))
+    return Simulator(simulator.recording, factor * max(round(own), 1))
 
 
 def _plain(value: float) -> float | None:

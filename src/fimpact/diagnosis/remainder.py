@@ -6,8 +6,9 @@ import numpy as np
 
 from fimpact.diagnosis.proof import Proof
 from fimpact.selection.forward import Explanation
-from fimpact.smoothing.prepare import Prepared, measured_states
+from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
 POINTS = 60  # of the picture
@@ -31,10 +32,10 @@ def missing_rows(found: Explanation) -> list[dict[str, Any]]:
     return rows
 
 
-def remainder(prepared: Prepared, found: Explanation, proof: Proof | None) -> dict[str, Any]:
-    """A sentence about what is left, whether something unnamed is missing, and the held-out rows."""
+def remainder(prepared: Prepared, found: Explanation, proof: Proof | None, brief: bool = False) -> dict[str, Any]:
+    """Say what is left: a sentence, whether something unnamed is missing, and the held-out rows, unless `brief`."""
     rows = missing_rows(found)
-    held = held_out_rows(prepared, found)
+    held = [] if brief or proof is None else held_out_rows(prepared, found, proof)
     worst = max(rows, key=lambda row: row["left"] / max(row["applied"], 1e-12))
     share = worst["left"] / max(worst["applied"], 1e-12)
     unnamed = not found.final.placed and _stands_out(proof) and share > LOUD
@@ -54,13 +55,11 @@ def _stands_out(proof: Proof | None) -> bool:
     return any(e is None or e > 2 * proof.noise_floor for e in errors)
 
 
-def held_out_rows(prepared: Prepared, found: Explanation) -> list[dict[str, Any]]:
+def held_out_rows(prepared: Prepared, found: Explanation, proof: Proof) -> list[dict[str, Any]]:
     """Missing force of each held-out run under the naive and the final model, smoothed with their own noise levels."""
     recording = prepared.track.recording
-    if not recording.held_out:
-        return []
     track = Track(prepared.track.simulator, recording.held_out)
-    begun = measured_states(track, prepared.noise)
+    begun = States(*(np.concatenate([getattr(s, part) for s in proof.starts]) for part in ("qpos", "qvel", "act")))
     pair = [_smoothed(track, begun, prepared.noise, fit) for fit in (found.naive, found.final)]
     applied = found.scales.force
     rows = []

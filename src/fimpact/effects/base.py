@@ -190,6 +190,8 @@ class Effect:
         probes are small beside. prior_source: whence.
     order: place in the order in which an engineer suspects, which decides ties: RIGID_BODIES first.
     refines: names of effects of which this is a small refinement.
+    side_by_side: a law that remembers may be asked for several hypotheses at once: its values are (n,) each, and so is
+        all that the `Shaft` of a gear holds, whatever its site; of each value, all are neutral or none is.
     """
 
     name: str
@@ -212,6 +214,7 @@ class Effect:
     prior_source: str = "the natural scale of the recording"
     order: int = ENVIRONMENT
     refines: tuple[str, ...] = ()
+    side_by_side: bool = False
 
     def __post_init__(self):
         if self.prior is None:

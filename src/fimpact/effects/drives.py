@@ -36,6 +36,35 @@ class Motor:
     servo: bool
 
 
+@dataclass(frozen=True)
+class Ahead:
+    """Forces of a motor that runs ahead of its joint, in n states.
+
+    force (d, n): of each of d actuators before its limits where it is not ahead; slopes (2, d, n): what that changes
+    for each unit of its lead and of the rate of it. gear, low, high: of each, (d, 1) or (d, n). held (n,): what they
+    give besides, against gravity. least, most: limits of all together, one for all states or (n,).
+    """
+
+    force: np.ndarray
+    slopes: np.ndarray
+    gear: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    held: np.ndarray
+    least: np.ndarray | float
+    most: np.ndarray | float
+
+    def __call__(self, lead: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The force at these leads and rates, and by how much less it is for each unit more of either, (n,) each."""
+        force = self.force + self.slopes[0] * lead + self.slopes[1] * rate
+        kept = _within(force, self.low, self.high)
+        total = (self.gear * kept).sum(0) + self.held
+        given = _within(total, self.least, self.most)
+        within = self.gear * (kept == force)
+        less = ((given == total) * -(within * own).sum(0) for own in self.slopes)
+        return given, *(np.maximum(own, 0.0) for own in less)
+
+
 def motor_force(state: State, site: str) -> np.ndarray:
     """Force, (n,), of the actuators on joint `site` as they leave the gear, N or N m."""
     motor, (_, position, speed) = _motor(state, site), state.joint(site)
@@ -53,16 +82,21 @@ def is_servo(state: State, site: str) -> bool:
 def servo_force(state: State, site: str, lead: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, ...]:
     """The force where the motor is ahead of joint `site` by `lead` (n,), rad or m, and runs away from it at `rate`
     (n,), and by how much less it is for each unit more of the one and of the other, (n,) each."""
+    return ahead_of(state, site)(lead, rate)
+
+
+def ahead_of(state: State, site: str) -> Ahead:
+    """What the motor of joint `site` gives in each of these states where it is not where the joint is."""
     motor, (_, position, speed) = _motor(state, site), state.joint(site)
-    total, slopes = np.zeros(len(position)), np.zeros((3, len(position)))
-    for drive, command, force in _each(state, motor, position + lead, speed + rate):
-        kept = _within(force, drive.low, drive.high)
-        total += drive.gear * kept
-        both = np.multiply.outer(_three(drive.gain), command) + _three(drive.bias)[:, None]
-        slopes -= drive.gear**2 * (kept == force) * both
-    total += _holding(state, motor, site)
-    kept = _within(total, motor.low, motor.high)
-    return kept, *np.maximum(slopes[1:] * (kept == total), 0.0)
+    size, acting = (len(motor.actuators), len(position)), motor.actuators
+    force, slopes = np.empty(size), np.empty((2, *size))
+    for row, (drive, command, own) in enumerate(_each(state, motor, position, speed)):
+        force[row] = own
+        both = np.multiply.outer(_three(drive.gain)[1:], command) + _three(drive.bias)[1:, None]
+        slopes[:, row] = drive.gear * both
+    gear, low, high = (np.array([[getattr(own, name)] for own in acting]) for name in ("gear", "low", "high"))
+    held = np.broadcast_to(_holding(state, motor, site), position.shape)
+    return Ahead(force, slopes, *(part.reshape(-1, 1) for part in (gear, low, high)), held, motor.low, motor.high)
 
 
 def _each(state: State, motor: Motor, position: np.ndarray, speed: np.ndarray):

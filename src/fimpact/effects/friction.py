@@ -57,19 +57,17 @@ def dahl(state: State, site, friction, displacement):
     """Exact solution of the bristle over a step of constant speed; its mean over the step acts."""
     dof, _, speed = state.joint(site)
     key = "dahl", site
-    last = _bent(state, site, displacement) if state.memory.get(key) is None else state.memory[key]
+    last = state.memory.get(key)
+    # Where nothing is known of what was before: as if the joint had moved as it does now.
+    last = np.tanh(speed * REMEMBERED / displacement) if last is None else last
     state.memory[key] = _bend(last, speed * state.step / displacement)
     return state.on_joint(dof, -friction * (last + state.memory[key]) / 2)
 
 
 def _bend(last, way):
     """The bristle after a `way` in one direction, in units of its displacement."""
-    return np.sign(way) + (last - np.sign(way)) * np.exp(-np.abs(way))
-
-
-def _bent(state: State, site, displacement):
-    """The bristle where nothing is known of what was before: as if the joint had moved as it does now."""
-    return np.tanh(state.joint(site)[2] * REMEMBERED / displacement)
+    ahead = np.sign(way)
+    return ahead + (last - ahead) * np.exp(-np.abs(way))
 
 
 def _up_to_applied(*names, power=0):
@@ -241,5 +239,6 @@ EFFECTS = (
         prior_source=NO_MORE,
         order=FRICTION,
         refines=("coulomb",),
+        side_by_side=True,
     ),
 )

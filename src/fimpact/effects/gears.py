@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import State
-from fimpact.effects.drives import is_servo, motor_force, servo_force
+from fimpact.effects.drives import ahead_of, is_servo, motor_force
 
 PARTS = 4  # of a step, in each of which a rotor is either loose or at one end of its play
 
@@ -24,13 +24,14 @@ class Shaft:
     """A motor and the link behind its gear in n simulations at the start of one step.
 
     torque (n,): the motor's over the step, N m or N. speed (n,): the link's. rotor: inertia on the motor's side, the
-    joint's `armature`, kg m^2 or kg. step: s. memory: what a gear law keeps, empty at the start of a window.
-    servo: of (lead, rate), (n,) each, what the motor gives where it really is (`drives.servo_force`); None: `torque`.
+    joint's `armature`, kg m^2 or kg, one for all or (n,). step: s. memory: what a gear law keeps, empty at the start of
+    a window. servo: of (lead, rate), (n,) each, what the motor gives where it really is (`drives.Ahead`); None:
+    `torque`.
     """
 
     torque: np.ndarray
     speed: np.ndarray
-    rotor: float
+    rotor: np.ndarray | float
     step: float
     memory: dict
     servo: Callable | None = None
@@ -76,7 +77,7 @@ def coupled(model: mujoco.MjModel, state: State, law, site: str, values: dict[st
     dof, _, speed = state.joint(site)
     # As it was at first: while a step lasts, what the link feels stands there.
     rotor = memory.setdefault("rotor", float(model.dof_armature[dof]))
-    servo = (lambda lead, rate: servo_force(state, site, lead, rate)) if is_servo(state, site) else None
+    servo = ahead_of(state, site) if is_servo(state, site) else None
     return law(Shaft(motor_force(state, site), speed, rotor, state.step, memory, servo), site, **values)
 
 
@@ -91,7 +92,7 @@ def elastic(shaft: Shaft, site: str, compliance: float, retardation: float) -> C
     """A spring, rad/(N m) or m/N, beside a damper of `retardation`, s, times its stiffness (Kelvin-Voigt)."""
     inertia = np.full_like(shaft.torque, shaft.rotor)
     none = np.zeros_like(inertia)
-    if compliance <= 0 or shaft.rotor <= 0:
+    if _rigid(shaft, compliance):
         return _wound(shaft, compliance, retardation)
     found = _arrived(shaft)
     if found is None:  # until the link's acceleration is known, the spring is wound up by what it must carry
@@ -110,6 +111,11 @@ def elastic(shaft: Shaft, site: str, compliance: float, retardation: float) -> C
     carried = (lead + retardation * rate) / compliance
     pull, felt = _mean(shaft, motor, found, rate, end, slope)
     return Coupling(pull, felt, (carried - shaft.torque, none), lead, rate)
+
+
+def _rigid(shaft: Shaft, give: np.ndarray | float) -> bool:
+    """Whether nothing swings: no `give`, or no rotor; of laws side by side it is so for all, or for none."""
+    return bool(np.any(np.minimum(give, shaft.rotor) <= 0))
 
 
 def _wound(shaft: Shaft, compliance: float, retardation: float) -> Coupling:
@@ -132,7 +138,7 @@ def _wound(shaft: Shaft, compliance: float, retardation: float) -> Coupling:
 def loose(shaft: Shaft, site: str, gap: float) -> Coupling:
     """Play: within it the rotor moves freely, at its ends it and the link push each other and do not bounce."""
     none, inertia = np.zeros_like(shaft.torque), np.full_like(shaft.torque, shaft.rotor)
-    if gap <= 0 or shaft.rotor <= 0:
+    if _rigid(shaft, gap):
         lead, motor = _rest(shaft, gap)
         beside = motor.at(lead, none) - shaft.torque
         return Coupling(beside, inertia, (beside, inertia), lead, none)
@@ -145,10 +151,12 @@ def loose(shaft: Shaft, site: str, gap: float) -> Coupling:
     last = shaft.memory.get("acceleration", none)
     # The link may have moved otherwise than was reckoned with, and met the rotor.
     side, begun = np.where(np.abs(lead) > gap / 2, np.sign(lead), side), rate
-    lead, rate = np.clip(lead, -gap / 2, gap / 2), np.where(side == 0, rate, 0.0)
+    lead, rate = np.minimum(np.maximum(lead, -gap / 2), gap / 2), np.where(side == 0, rate, 0.0)
     motor = shaft.motor(lead, rate)
-    side = np.where(side * (motor.at(lead, rate) / shaft.rotor - last) > 0, side, 0.0)
-    at_once = np.where(side == 0, 0.0, motor.at(lead, rate)) - shaft.torque, np.where(side == 0, 0.0, shaft.rotor)
+    given = motor.at(lead, rate)
+    side = np.where(side * (given / shaft.rotor - last) > 0, side, 0.0)
+    free = side == 0
+    at_once = np.where(free, 0.0, given) - shaft.torque, np.where(free, 0.0, shaft.rotor)
     begins = np.stack([lead, rate])
     end, slope, shaft.memory["side"] = _through(shaft, motor, begins, side, last, gap)
     _leave(shaft, end, slope)
@@ -172,17 +180,19 @@ def _through(shaft: Shaft, motor: Servo, end: np.ndarray, held: np.ndarray, last
     spring, slowed = motor.stiffness / shaft.rotor, part * motor.damping / shaft.rotor / 2
     # The trapezium rule, which is exact where no servo pulls.
     slowed = slowed + part**2 * spring / 4
+    twice, whole, half = 2 * slowed, 1 + slowed, gap / 2
     less, slower = np.zeros_like(end)
     for _ in range(PARTS):
         free = held == 0
-        gain = (part * (drive - spring * lead) - 2 * slowed * rate) / (1 + slowed)
-        loss = (part * (1 - spring * less) - 2 * slowed * slower) / (1 + slowed)
-        lead, less = lead + free * part * (rate + gain / 2), less + free * part * (slower + loss / 2)
+        gain = (part * (drive - spring * lead) - twice * rate) / whole
+        loss = (part * (1 - spring * less) - twice * slower) / whole
+        moving = free * part
+        lead, less = lead + moving * (rate + gain / 2), less + moving * (slower + loss / 2)
         rate, slower = rate + free * gain, slower + free * loss
         place = lead - less * last
-        met = free & (np.abs(place) >= gap / 2)
+        met = free & (np.abs(place) >= half)
         held = np.where(met, np.sign(place), held)
-        lead = np.where(met, held * gap / 2, lead)
+        lead = np.where(met, held * half, lead)
         less, rate, slower = (np.where(met, 0.0, own) for own in (less, rate, slower))
         held = np.where(held * (drive - spring * lead - last) > 0, held, 0.0)
     return np.stack([lead, rate]), np.stack([less, slower]), held
@@ -218,18 +228,21 @@ def _mean(shaft: Shaft, motor: Servo, begins, rate, end, slope) -> tuple[np.ndar
 
 def _swing_of(shaft: Shaft, motor: Servo, compliance: float, retardation: float) -> tuple[np.ndarray, np.ndarray]:
     """`_swing` of the gear and the servo together: the same from step to step as long as the servo is."""
-    if shaft.servo is None and "swing" in shaft.memory:
-        return shaft.memory["swing"]
+    if "swing" in shaft.memory:
+        found, held, damped = shaft.memory["swing"]
+        if shaft.servo is None or (np.array_equal(held, motor.stiffness) and np.array_equal(damped, motor.damping)):
+            return found
     stiffness = 1 / compliance + motor.stiffness
     retarded = (retardation / compliance + motor.damping) / stiffness
-    shaft.memory["swing"] = _swing(stiffness / shaft.rotor, retarded, shaft.step)
-    return shaft.memory["swing"]
+    found = _swing(stiffness / shaft.rotor, retarded, shaft.step)
+    shaft.memory["swing"] = found, motor.stiffness, motor.damping
+    return found
 
 
 def _swing(square: np.ndarray, retardation: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Exact step of d'' = −square (d + retardation d') + u, (n,) each: of the state, (2, 2, n), and of u, (2, n)."""
     half = retardation * square / 2
-    fast = -half - np.emath.sqrt(half**2 - square * (1 + 1e-12j))
+    fast = -half - np.sqrt(half**2 - square * (1 + 1e-12j))
     slow = square / fast
     decayed = np.exp(slow * step), np.exp(fast * step)
     cross = ((decayed[0] - decayed[1]) / (slow - fast)).real

@@ -100,6 +100,7 @@ EFFECTS = (
         prior=_gap_prior,
         prior_source="gear data sheets: a few arc minutes for planetary gears, a degree for hobby servos",
         order=TRANSMISSION,
+        side_by_side=True,
     ),
     Effect(
         name="joint_elasticity",
@@ -120,6 +121,7 @@ EFFECTS = (
         prior=_compliance_prior,
         prior_source="data sheets of strain wave gears and belts: up to a degree of wind-up at the torque they carry",
         order=TRANSMISSION,
+        side_by_side=True,
     ),
     Effect(
         name="torque_ripple",

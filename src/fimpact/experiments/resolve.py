@@ -64,23 +64,24 @@ def resolve(
 def weigh(fits: Sequence[Smoothed]) -> np.ndarray:
     """Weights by the marginal likelihood; what did not converge, or has turned into a special case of itself, such as
     stick into slip at no distance, has none beside what is in order."""
-    losses = np.array([marginal_loss(fit) for fit in fits])
+    spread = max(fit.dispersion for fit in fits)
+    losses = np.array([marginal_loss(fit, spread) for fit in fits])
     sound = np.array([fit.converged and not any(n.at_bound for n in shapes_of(fit)) for fit in fits])
     losses = np.where(np.isfinite(losses) & (sound | ~sound.any()), losses, np.inf)
     weights = np.exp(losses.min() - losses)
     return weights / weights.sum()
 
 
-def marginal_loss(fit: Smoothed) -> float:
+def marginal_loss(fit: Smoothed, dispersion: float = 1.0) -> float:
     """Minus the logarithm of the marginal likelihood, where a shape may be anything within a decade: a shape that the
     data do not see must gain nothing by being free."""
     shapes = shapes_of(fit)
     if not shapes:
-        return fit.loss
+        return fit.loss(dispersion)
     sd = [np.inf if n not in shapes else DECADE if n.log else n.size for n in fit.numbers]
     prior = np.diag(np.power(sd, -2.0))
     before, after = (np.linalg.slogdet(own)[1] for own in (fit.information, fit.information + prior))
-    return fit.loss + (after - before) / 2 + float(np.log([own for own in sd if np.isfinite(own)]).sum())
+    return fit.loss(dispersion) + (after - before) / 2 + float(np.log([own for own in sd if np.isfinite(own)]).sum())
 
 
 def shapes_of(fit: Smoothed) -> list[Parameter]:

@@ -160,7 +160,7 @@ def _absorbed(difference: np.ndarray, columns: np.ndarray, information: np.ndarr
 def unknown_information(simulator: Simulator, theta: np.ndarray) -> np.ndarray:
     """What is known of the unknowns where no fit says more: their priors, (p, p)."""
     numbers = parameters(simulator, theta, (), ())
-    return np.diag([(number.slope / number.sd) ** 2 for number in numbers]).reshape(len(numbers), len(numbers))
+    return np.diag([number.spread**-2 for number in numbers]).reshape(len(numbers), len(numbers))
 
 
 def fitted_information(information: np.ndarray, places: Sequence[int]) -> np.ndarray:

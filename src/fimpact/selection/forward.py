@@ -132,10 +132,10 @@ class Search:
         # Classes of many places are told apart by what they predict; one-place names, near the noise, by refits.
         rivals = [t for t, _ in found.rivals][:RIVALS] if len(found.chosen.places) == 1 else []
         fits = [best] + [self.refitted(regression, t) for t in rivals]
-        losses = np.array([fit.loss if fit.converged else np.inf for fit in fits])
         spread = regression.dispersion
+        losses = np.array([fit.loss(spread) if fit.converged else np.inf for fit in fits])
         losses = np.where(np.isfinite(losses), losses, np.inf)
-        weights = np.exp(-(losses - losses.min()) / spread) if np.isfinite(losses.min()) else np.ones(len(fits))
+        weights = np.exp(losses.min() - losses) if np.isfinite(losses.min()) else np.ones(len(fits))
         as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
         first = min(as_good, key=lambda i: (len(fits[i].numbers), i))
         self.alternatives = [

@@ -11,12 +11,10 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from fimpact.deciding import FOLDS, STRETCHES
+from fimpact.deciding import FOLDS
 from fimpact.smoothing.columns import Columns
 from fimpact.smoothing.smoother import Smoothed
-
-LEAST = 8  # samples in a stretch
-LONG = 4  # correlation times in a stretch
+from fimpact.smoothing.stretches import spread_of_scores, stretches
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class Regression:
     def __init__(self, smoothed: Smoothed, columns: Columns):
         self.smoothed, self.columns = smoothed, columns
         self.p = len(smoothed.numbers)
-        self.stretch = stretches(smoothed)
+        self.stretch = stretches(smoothed.track, smoothed.tau)
         self.count = int(self.stretch.max()) + 1
         rows = columns.innovations
         flat = rows.reshape(-1, rows.shape[2])
@@ -53,8 +51,7 @@ class Regression:
     def _priors(self) -> tuple[np.ndarray, np.ndarray]:
         weight, pull = np.ones(self.gram.shape[1]), np.zeros(self.gram.shape[1])
         for i, n in enumerate(self.smoothed.numbers):
-            weight[i] = (n.slope / n.sd) ** 2
-            pull[i] = n.slope * (n.mean - n.value) / n.sd**2 if np.isfinite(n.sd) else 0.0
+            weight[i], pull[i] = n.spread**-2, n.away / n.spread
         return weight, pull
 
     @cached_property
@@ -62,10 +59,7 @@ class Regression:
         """By how much scores vary more from stretch to stretch than white noise would have it, at least 1."""
         base = self.solve(range(self.p), 1.0)
         scores = self.right - self.gram[:, :, list(base.kept)] @ base.values
-        scores = scores - scores.mean(0)
-        spread, expected = (scores**2).sum(0), np.einsum("bii->i", self.gram)
-        known = expected > 0
-        return max(1.0, float(np.median(spread[known] / expected[known]))) if known.any() else 1.0
+        return spread_of_scores(scores, np.einsum("bii->i", self.gram))
 
     def solve(self, kept: Sequence[int], weight: float | None = None) -> Estimate:
         """Ridge estimate of the columns `kept`; data count 1 / `weight`, None: as many as stretches are independent."""
@@ -161,33 +155,6 @@ class Regression:
         size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
         roots = np.maximum(np.linalg.eigvalsh(whole / np.outer(size, size)), 0.0)
         return float(np.sqrt(roots).sum() ** 2 / max(roots.sum(), 1e-300))
-
-
-def stretches(smoothed: Smoothed) -> np.ndarray:
-    """Stretch of each sample, (N,): some correlation times of the missing force, at least `STRETCHES` in all."""
-    track = smoothed.track
-    lag = max((_correlation_time(smoothed.tau[rows]) for rows in track.slices()), default=1)
-    most, few = max(track.count // (2 * STRETCHES), LEAST), max(track.count // (4 * STRETCHES), LEAST)
-    length = int(np.clip(LONG * lag, few, most))
-    out, begun = np.empty(track.count, int), 0
-    for rows in track.slices():
-        size = rows.stop - rows.start
-        parts = max(size // length, 1)
-        out[rows] = begun + np.minimum(np.arange(size) * parts // size, parts - 1)
-        begun += parts
-    return out
-
-
-def _correlation_time(tau: np.ndarray) -> int:
-    """Samples after which the autocorrelation of the loudest force has fallen to 1 / e."""
-    own = tau[:, int(np.argmax((tau**2).mean(0)))]
-    own = own - own.mean()
-    if len(own) < LEAST or not own.any():
-        return 1
-    size = 2 * len(own)
-    power = np.fft.irfft(np.abs(np.fft.rfft(own, size)) ** 2, size)[: len(own)]
-    below = np.flatnonzero(power < power[0] / np.e)
-    return int(below[0]) if len(below) else len(own)
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:

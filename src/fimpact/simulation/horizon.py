@@ -1,25 +1,30 @@
 """Proof by forward simulation: errors of what is predicted over horizons from 0.1 s to whole runs.
 
 Every model is treated alike: windows start at a given estimate of the state, which is refined for each window and each
-model on the window's own measurements by a few Gauss-Newton steps, within what is known of the start.
+model on the window's own measurements by a few Gauss-Newton steps, within what is known of the start: a model that is
+wrong would else buy a better fit with a start that nobody has seen.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import DIVERGED, Hypothesis, Simulator
-from fimpact.simulation.windows import Windows, cut
+from fimpact.simulation.windows import Windows, cut, spread
 
 SHORTEST = 0.1  # s
 LADDER = (1.0, 2.0, 5.0)  # of each decade: the horizons asked for
 MOST_WINDOWS = 20  # of each horizon, spread over all runs
 STEPS = 3  # of Gauss-Newton, at most
 SETTLED = 1e-3  # of the cost: less than that is no further step worth
+STRAIGHT = 1e-2  # of the cost: a step that ends this near to what its slopes foretold needs no second one
 HALVINGS = 2  # of a step that makes things worse
+REACH = 3.0  # sd, root mean square over its coordinates: no start is farther from what is known of it
+HEAVIEST, PARTS = 20, 30  # decades of the prior's weight in which that is sought, halved so often
+ROUND_OFF = 1e-10  # of a slope's own square: what keeps a singular problem solvable
 NUDGE = 0.05  # of the sd of a start: the step of differences, within
 NUDGES = (1e-7, 1e-3)  # m, rad and their rates
 
@@ -51,6 +56,26 @@ def ladder(duration: float) -> list[float]:
     return [step for step in steps if step < 0.8 * duration] + [duration]
 
 
+@dataclass(frozen=True)
+class Fit:
+    """Windows under a model from starts refined on them. given: prior of the starts, (w, ...). noise: (ny,). change: in
+    the tangent space, (w, n). slopes: of left with change, (w, n, T ny). left: measured minus predicted, sd of noise,
+    (w, T ny), 0 where nothing is measured. predicted: (w, T, ny)."""
+
+    windows: Windows
+    given: Starts
+    noise: np.ndarray
+    change: np.ndarray
+    slopes: np.ndarray
+    left: np.ndarray
+    predicted: np.ndarray
+
+    @property
+    def cost(self) -> np.ndarray:
+        """What is minimised in each window, (w,): squares of what is left and of the change, in sd."""
+        return _cost(self.left, self.change / self.given.sd)
+
+
 def errors(
     simulator: Simulator,
     hypothesis: Hypothesis,
@@ -65,12 +90,23 @@ def errors(
     Args:
         starts: of each run. noise: sd of each channel, (ny,). horizons: default: `ladder` to the longest run.
     """
+    horizons = horizons or ladder(max(len(run.measured) for run in runs) * recording.period)
+    cuts = windows_of(recording, runs, horizons)
+    return errors_of(
+        [fit_windows(simulator, hypothesis, own, window_starts(own, starts), noise) for own in cuts], recording.period
+    )
+
+
+def windows_of(recording: Recording, runs: Sequence[Run], horizons: Sequence[float]) -> list[Windows]:
+    """Cut windows of `runs` for each of the horizons, s, at most `MOST_WINDOWS` of each."""
     longest = max(len(run.measured) for run in runs)
-    horizons = horizons or ladder(longest * recording.period)
-    lengths = [min(max(round(h / recording.period), 2), longest) for h in horizons]
-    found = [_by_run(simulator, hypothesis, cut(runs, n, MOST_WINDOWS), starts, noise) for n in lengths]
-    error, normalised = (np.array(part) for part in zip(*found, strict=True))
-    return HorizonErrors(np.array(lengths) * recording.period, error, normalised)
+    return [cut(runs, min(max(round(h / recording.period), 2), longest), MOST_WINDOWS) for h in horizons]
+
+
+def errors_of(fits: Sequence[Fit], period: float) -> HorizonErrors:
+    """Gather errors of fits of several horizons, sampled every `period`, s."""
+    error, normalised = (np.array(part) for part in zip(*map(_by_run, fits), strict=True))
+    return HorizonErrors(np.array([fit.windows.length for fit in fits]) * period, error, normalised)
 
 
 def window_starts(windows: Windows, starts: Sequence[Starts]) -> Starts:
@@ -84,12 +120,10 @@ def predict_windows(
     simulator: Simulator, hypothesis: Hypothesis, windows: Windows, starts: Sequence[Starts], noise: np.ndarray
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Predict `windows`, (w, T, ny), from starts that are refined on them; also those: qpos, qvel and act."""
-    given = window_starts(windows, starts)
-    fitted = fit_starts(simulator, hypothesis, windows, given.qpos, given.qvel, given.act, given.sd, noise)
-    return simulator.predict(hypothesis, windows, *fitted), fitted
+    fit = fit_windows(simulator, hypothesis, windows, window_starts(windows, starts), noise)
+    return fit.predicted, states_of(fit, simulator)
 
 
-@DIVERGED
 def fit_starts(
     simulator: Simulator, hypothesis: Hypothesis, windows: Windows, qpos, qvel, act, sd, noise
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -98,56 +132,145 @@ def fit_starts(
     Args:
         qpos, qvel, act, sd: prior mean, (w, nq), (w, nv), (w, na), and standard deviation, (w, 2 nv + na).
     """
-    mean, size = (qpos, qvel, act), sd.shape[1]
-    nudge = np.clip(NUDGE * sd, *NUDGES)
+    return states_of(fit_windows(simulator, hypothesis, windows, Starts(qpos, qvel, act, sd), noise), simulator)
 
-    def residual(change: np.ndarray, part: Windows, rows: np.ndarray) -> np.ndarray:
-        states = _moved(simulator.base, [own[rows] for own in mean], change)
-        left = (part.measured - simulator.predict(hypothesis, part, *states)) / noise
-        left = np.where(np.isfinite(part.measured), left, 0.0).reshape(len(rows), -1)
-        return np.concatenate([left, -change / sd[rows]], 1)
 
-    every, change = np.arange(len(qpos)), np.zeros_like(sd)
-    left = residual(change, windows, every)
+def states_of(fit: Fit, simulator: Simulator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The refined states at the start of each window: qpos, qvel and act."""
+    given = fit.given
+    return tuple(_moved(simulator.base, (given.qpos, given.qvel, given.act), fit.change))
+
+
+@DIVERGED
+def fit_windows(
+    simulator: Simulator, hypothesis: Hypothesis, windows: Windows, given: Starts, noise: np.ndarray
+) -> Fit:
+    """Refine the states at the start of each window, `given` with their doubts, on its own measurements.
+
+    Slopes are renewed in those windows only where they did not foretell what a step along them would do.
+    """
+    size, samples = given.sd.shape[1], windows.measured[0].size
+    none = np.zeros((len(given.sd), size, samples))
+    fit = Fit(windows, given, noise, np.zeros_like(given.sd), none, none[:, 0], windows.measured)
+    fit, open_ = _simulated(fit, simulator, hypothesis, fit.change), np.arange(len(given.sd))
     for _ in range(STEPS):
-        rows = np.repeat(every, size)
-        moves = np.eye(size)[None] * nudge[:, None]
-        near = residual((change[:, None] + moves).reshape(-1, size), windows.part(rows), rows)
-        slopes = (near.reshape(len(every), size, -1) - left[:, None]) / nudge[:, :, None]
-        step = _gauss_newton(slopes, left)
-        before = _cost(left)
-        change, left = _descended(lambda c: residual(c, windows, every), change, left, step)
-        if np.all((_cost(left) >= before * (1 - SETTLED)) | np.isinf(before)):
+        part = _sloped(_part(fit, open_), simulator, hypothesis)
+        part, curved = _stepped(part, simulator, hypothesis)
+        fit, open_ = _filled(fit, part, open_), open_[curved]
+        if not len(open_):
             break
-    return tuple(_moved(simulator.base, mean, change))
+    return fit
 
 
-def _gauss_newton(slopes: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """The step, (w, n), of each window; none where one of its simulations diverged."""
-    usable = np.isfinite(slopes).all((1, 2)) & np.isfinite(left).all(1)
-    slopes, left = np.where(usable[:, None, None], slopes, 0.0), np.where(usable[:, None], left, 0.0)
-    scale = np.maximum(np.linalg.norm(slopes, axis=2, keepdims=True), 1e-300)
-    slopes = slopes / scale
-    normal, gradient = slopes @ slopes.swapaxes(1, 2), slopes @ left[..., None]
-    return -(np.linalg.pinv(normal, rcond=1e-10, hermitian=True) @ gradient / scale)[..., 0]
+@DIVERGED
+def refit(fit: Fit, simulator: Simulator, hypothesis: Hypothesis) -> Fit:
+    """Refine a fit's starts further in a `simulator` of another time step, along the slopes that it has."""
+    fit, open_ = _simulated(fit, simulator, hypothesis, fit.change), np.arange(len(fit.change))
+    for _ in range(STEPS - 1):
+        part, curved = _stepped(_part(fit, open_), simulator, hypothesis)
+        fit, open_ = _filled(fit, part, open_), open_[curved]
+        if not len(open_):
+            break
+    return fit
 
 
-def _descended(residual, change: np.ndarray, left: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Go `step`, halved in those windows that it makes worse, and not at all where no half of it helps."""
-    cost = _cost(left)
+@DIVERGED
+def step_error(fit: Fit, finer: Simulator, hypothesis: Hypothesis, most: int) -> float:
+    """Compare predictions of at most `most` windows with those at a `finer` time step: root mean square of what it
+    changes, as a part of their error or of the noise, whichever is more."""
+    part = _part(fit, spread(len(fit.change), most))
+    there = _simulated(part, finer, hypothesis, part.change)
+    ended = [np.isfinite(own.left).all(1) for own in (part, there)]
+    if (ended[0] != ended[1]).any():
+        return np.inf
+    moved, missed = there.left[ended[0]] - part.left[ended[0]], there.left[ended[0]]
+    seen = np.isfinite(part.windows.measured[ended[0]]).sum()
+    return float(np.sqrt((moved**2).sum() / max((missed**2).sum(), seen, 1)))
+
+
+def _part(fit: Fit, rows: np.ndarray) -> Fit:
+    given = Starts(*(getattr(fit.given, name)[rows] for name in ("qpos", "qvel", "act", "sd")))
+    own = {name: getattr(fit, name)[rows] for name in ("change", "slopes", "left", "predicted")}
+    return replace(fit, windows=fit.windows.part(rows), given=given, **own)
+
+
+def _filled(fit: Fit, part: Fit, rows: np.ndarray) -> Fit:
+    """The fit with its `rows` as in `part`."""
+    own = {name: np.array(getattr(fit, name)) for name in ("change", "slopes", "left", "predicted")}
+    for name, values in own.items():
+        values[rows] = getattr(part, name)
+    return replace(fit, **own)
+
+
+def _simulated(fit: Fit, simulator: Simulator, hypothesis: Hypothesis, change: np.ndarray) -> Fit:
+    """The fit with another change of its starts."""
+    moved = replace(fit, change=change)
+    predicted = simulator.predict(hypothesis, fit.windows, *states_of(moved, simulator))
+    left = (fit.windows.measured - predicted) / fit.noise
+    left = np.where(np.isfinite(fit.windows.measured), left, 0.0).reshape(len(change), -1)
+    return replace(moved, left=left, predicted=predicted)
+
+
+def _sloped(fit: Fit, simulator: Simulator, hypothesis: Hypothesis) -> Fit:
+    """The fit with slopes by differences around its change."""
+    count, size = fit.change.shape
+    nudge, rows = np.clip(NUDGE * fit.given.sd, *NUDGES), np.repeat(np.arange(count), size)
+    moves = np.eye(size)[None] * nudge[:, None]
+    near = _simulated(_part(fit, rows), simulator, hypothesis, (fit.change[:, None] + moves).reshape(-1, size))
+    slopes = (near.left.reshape(count, size, -1) - fit.left[:, None]) / nudge[:, :, None]
+    return replace(fit, slopes=slopes)
+
+
+def _stepped(fit: Fit, simulator: Simulator, hypothesis: Hypothesis) -> tuple[Fit, np.ndarray]:
+    """The fit a step further along its slopes, halved in those windows that it makes worse and not at all where no half
+    of it helps; and in which windows, a mask, another step is worth it."""
+    step, before = _gauss_newton(fit), fit.cost
+    ahead = fit.left + (step[:, None] @ fit.slopes)[:, 0]
+    foretold = _cost(ahead, (fit.change + step) / fit.given.sd)
+    found, open_ = fit, np.flatnonzero(before - foretold > SETTLED * before)
     for half in range(HALVINGS + 1):
-        tried = change + step * 0.5**half
-        found = residual(tried)
-        better = _cost(found) <= cost
-        change, left = np.where(better[:, None], tried, change), np.where(better[:, None], found, left)
-        step = np.where(better[:, None], 0.0, step)
-        if better.all():
+        if not len(open_):
             break
-    return change, left
+        part = _part(fit, open_)
+        part = _simulated(part, simulator, hypothesis, part.change + step[open_] * 0.5**half)
+        better = part.cost <= before[open_]
+        found, open_ = _filled(found, _part(part, better), open_[better]), open_[~better]
+    after = found.cost
+    return found, (before - after > SETTLED * before) & (after - foretold > STRAIGHT * after)
 
 
-def _cost(left: np.ndarray) -> np.ndarray:
-    return np.nan_to_num((left**2).sum(1), nan=np.inf, posinf=np.inf)
+def _gauss_newton(fit: Fit) -> np.ndarray:
+    """The step, (w, n), of each window that ends within `REACH`; none where one of its simulations diverged.
+
+    Where it would end farther away, the prior is given as much more weight as it takes.
+    """
+    usable = np.isfinite(fit.slopes).all((1, 2)) & np.isfinite(fit.left).all(1)
+    slopes, left = np.where(usable[:, None, None], fit.slopes, 0.0), np.where(usable[:, None], fit.left, 0.0)
+    known, sure = np.isfinite(fit.given.sd), 1 / fit.given.sd
+    scale = np.maximum(np.sqrt((slopes**2).sum(2) + sure**2), 1e-300)
+    slopes, sure, own = slopes / scale[:, :, None], sure / scale, fit.change * scale
+    normal, gradient = slopes @ slopes.swapaxes(1, 2), (slopes @ left[..., None])[..., 0]
+    eye = np.eye(scale.shape[1])
+
+    def step(weight: np.ndarray) -> np.ndarray:
+        prior = weight[:, None] * sure**2
+        return -np.linalg.solve(normal + (prior + ROUND_OFF)[:, None] * eye, (gradient + prior * own)[..., None])[
+            ..., 0
+        ]
+
+    def far(weight: np.ndarray) -> np.ndarray:
+        return (((own + step(weight)) * sure) ** 2).sum(1) > REACH**2 * known.sum(1)
+
+    low, high = np.zeros(len(own)), np.where(far(np.ones(len(own))), float(HEAVIEST), 0.0)
+    for _ in range(PARTS if high.any() else 0):
+        middle = (low + high) / 2
+        outside = far(10.0**middle)
+        low, high = np.where(outside, middle, low), np.where(outside, high, middle)
+    return np.where(usable[:, None], step(10.0**high) / scale, 0.0)
+
+
+def _cost(left: np.ndarray, change: np.ndarray) -> np.ndarray:
+    return np.nan_to_num((left**2).sum(1) + (change**2).sum(1), nan=np.inf, posinf=np.inf)
 
 
 def _moved(model: mujoco.MjModel, states: Sequence[np.ndarray], change: np.ndarray) -> list[np.ndarray]:
@@ -163,14 +286,14 @@ def _moved(model: mujoco.MjModel, states: Sequence[np.ndarray], change: np.ndarr
 
 
 @DIVERGED
-def _by_run(simulator, hypothesis, windows: Windows, starts, noise) -> tuple[np.ndarray, np.ndarray]:
+def _by_run(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Root mean square errors of each run by channel, (runs, ny), and over all of them in sd of noise, (runs,)."""
-    predicted = predict_windows(simulator, hypothesis, windows, starts, noise)[0]
-    squares = (windows.measured - predicted) ** 2
+    windows = fit.windows
+    squares = (windows.measured - fit.predicted) ** 2
     seen = np.isfinite(windows.measured)
     squares = np.where(seen, np.nan_to_num(squares, nan=np.inf), 0.0)
     each = [windows.runs == run for run in range(len(windows.names))]
     count = np.array([seen[rows].sum((0, 1)) for rows in each], float)
     total = np.array([squares[rows].sum((0, 1)) for rows in each])
     with np.errstate(divide="ignore"):
-        return np.sqrt(total / count), np.sqrt((total / noise**2).sum(1) / count.sum(1))
+        return np.sqrt(total / count), np.sqrt((total / fit.noise**2).sum(1) / count.sum(1))

@@ -15,12 +15,14 @@ import numpy as np
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import ON_JOINT
 from fimpact.smoothing.filtering import swept
-from fimpact.smoothing.laws import DRY, expected_sign, force_of, middle, predicted_commands, reading_of, speed_doubt
-from fimpact.smoothing.linear import heavier
+from fimpact.smoothing.inverse import edits
+from fimpact.smoothing.laws import DRY, acts_of, expected_sign, middle, predicted_commands, reading_of, speed_doubt
+from fimpact.smoothing.response import Change, Response
 from fimpact.smoothing.smoother import Smoothed
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
+ACTING = ("force", "friction", "gear")  # ways in which laws act along a motion, without a simulation
 SMALL = 1e-2  # share of its prior at which a linear effect is tried: in contact no tangent holds for all of it
 
 
@@ -101,32 +103,47 @@ def at(effect: Effect, site: str, model: mujoco.MjModel, scales: Scales) -> list
 
 def columns(smoothed: Smoothed, tried: Sequence[Candidate]) -> Columns:
     """Whitened columns of everything that is tried; what changes nothing, or diverges, is left out."""
-    made = _Maker(smoothed)
-    offsets, left, pulls, owners = [], [], [], []
-    for index, candidate in enumerate(tried):
-        for amplitude in range(len(candidate.names)):
-            change = made(candidate, amplitude)
-            if all(np.isfinite(part).all() for part in change) and any(np.any(part) for part in change):
-                for kept, part in zip((offsets, left, pulls), change, strict=True):
-                    kept.append(part)
-                owners.append((index, amplitude))
-    return _swept(smoothed, offsets, left, pulls, tuple(tried), tuple(owners))
+    asked = [(index, amplitude) for index, own in enumerate(tried) for amplitude in range(len(own.names))]
+    shares = [SMALL if tried[index].effect.linear else 1.0 for index, _ in asked]
+    laws = [_unit(tried[index], amplitude, share) for (index, amplitude), share in zip(asked, shares, strict=True)]
+    found = [change.scaled(1 / share) for change, share in zip(changes(smoothed, laws), shares, strict=True)]
+    kept = [i for i, change in enumerate(found) if change.finite]
+    return _swept(smoothed, [found[i] for i in kept], tuple(tried), tuple(asked[i] for i in kept))
 
 
-def _swept(smoothed: Smoothed, offsets, left, pulls, tried, owners) -> Columns:
+def _unit(candidate: Candidate, amplitude: int, share: float) -> Placed:
+    """A share of the prior of one amplitude, or all of an effect that is not linear."""
+    values = np.zeros(len(candidate.names))
+    values[amplitude] = share * candidate.sd[amplitude]
+    return candidate.placed(values)
+
+
+def changes(smoothed: Smoothed, laws: Sequence[Placed]) -> list[Change]:
+    """What each of `laws` does beside the plant of a smoothed recording."""
+    made, track = _Maker(smoothed), smoothed.track
+    acting = [i for i, law in enumerate(laws) if law.effect.enters in ACTING]
+    acts = acts_of(track, [laws[i] for i in acting], smoothed.states, smoothed.tau, smoothed.doubt)
+    found = {
+        i: replace(made.response.nothing(), force=force, readings=readings)
+        for i, (force, readings) in zip(acting, acts, strict=True)
+    }
+    return [found[i] if i in found else made(law) for i, law in enumerate(laws)]
+
+
+def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Columns:
     track, linear = smoothed.track, smoothed.linear
     p = linear.left.shape[2]
-    whole = replace(
-        linear,
-        offsets=np.concatenate([linear.offsets, linear.rubbed @ np.stack(offsets, 2)], 2)
-        if offsets
-        else linear.offsets,
-        left=np.concatenate([linear.left, -np.stack(left, 2)], 2) if left else linear.left,
-    )
-    means = np.zeros((track.count, track.model.nv, p + len(owners)))
+    whole, means = linear, np.zeros((track.count, track.model.nv, p + len(owners)))
+    if changes:
+        after = linear.rubbed @ np.stack([c.after for c in changes], 2)
+        left = np.stack([-c.readings for c in changes], 2)
+        whole = replace(
+            linear,
+            offsets=np.concatenate([linear.offsets, after], 2),
+            left=np.concatenate([linear.left, left], 2),
+        )
+        means[:, :, p:] = np.stack([c.force for c in changes], 2)
     means[:, :, 0] = -smoothed.tau
-    for i, pull in enumerate(pulls):
-        means[:, :, p + i] = pull
     innovations, _ = swept(track, whole, smoothed.filter, means)
     adjoint, _ = smoothed.filter.adjoint(track, whole, innovations)
     forces = -(smoothed.levels.forces**2)[:, :, None] * adjoint[:, track.space.size :]
@@ -136,54 +153,42 @@ def _swept(smoothed: Smoothed, offsets, left, pulls, tried, owners) -> Columns:
 
 
 class _Maker:
-    """What a unit of the prior of an amplitude does: to the next state (N, n), to the readings (N, ny), as a force
-    (N, nv)."""
+    """What edits of the model, of commands and of readings do beside the plant of a smoothed recording."""
 
     def __init__(self, smoothed: Smoothed):
-        self.smoothed, self.track, self.plant = smoothed, smoothed.track, smoothed.linear.plant.plain
-        self.base = self.plant.step(smoothed.states, smoothed.tau)
+        self.smoothed, self.track = smoothed, smoothed.track
+        response = smoothed.linear.response
+        # The trajectory of the last derivatives is as good as the last one for what they decide.
+        self.response = Response(smoothed.linear.plant, smoothed.states, smoothed.tau, response.inverse)
+        self.plant = self.response.plant
         self.told = predicted_commands(self.track, self.plant.ctrl, smoothed.tau)
-        self.doubt = smoothed.doubt
-        self._again: tuple = (None, None)
 
-    def __call__(self, candidate: Candidate, amplitude: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of one amplitude of `candidate`, or of all of an effect that is not linear."""
-        linear = candidate.effect.linear
-        share = SMALL if linear else 1.0
-        values = np.zeros(len(candidate.names))
-        values[amplitude] = share * candidate.sd[amplitude]
-        placed = candidate.placed(values)
-        make = {"model": self._model, "command": self._command, "measurement": self._measurement}
-        return tuple(part / share for part in make.get(candidate.effect.enters, self._force)(placed))
+    def __call__(self, placed: Placed) -> Change:
+        """Of one effect."""
+        if placed.effect.enters == "measurement":
+            return self._measurement(placed)
+        if placed.effect.enters == "command":
+            return self.response(replace(self.plant, ctrl=self.track.commands((*self.plant.placed, placed))))
+        return self._model(placed)
 
-    def _nothing(self) -> list[np.ndarray]:
-        track = self.track
-        return [
-            np.zeros((track.count, size)) for size in (track.space.size, len(track.recording.channels), track.model.nv)
-        ]
-
-    def _steps(self, plant, base) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        found = plant.step(self.smoothed.states, self.smoothed.tau * heavier(plant.model, self.plant.model))
-        return self.track.space.minus(found.after, base.after), found.readings - base.readings, self._nothing()[2]
-
-    def _model(self, placed: Placed):
+    def _model(self, placed: Placed) -> Change:
         before = self.plant.model
         after = copy.copy(before)
         placed.effect.law(after, placed.site, **placed.values)
         rubbed = after.dof_frictionloss - before.dof_frictionloss
         for name in DRY:
             getattr(after, name)[:] = getattr(before, name)
-        change = self._nothing()
+        change = self.response.nothing()
         if self._exceeded(before, after):
             return change
-        if not _alike(before, after):
+        if edits(after, before):
             mujoco.mj_setConst(after, mujoco.MjData(after))
             scaled = not np.array_equal(before.actuator_gainprm, after.actuator_gainprm)
-            plant = replace(self.plant, models=(after,), ctrl=self.told if scaled else self.plant.ctrl)
-            change = list(self._steps(plant, self._predicted() if scaled else self.base))
+            change = self.response(replace(self.plant, models=(after,)), self.told if scaled else None)
         if rubbed.any():
-            sign = expected_sign(middle(self.track, self.smoothed.states)[1], self._speed_doubt())
-            change[2] = change[2] - rubbed * sign
+            states = self.smoothed.states
+            doubt = speed_doubt(self.track, states, self.smoothed.doubt)
+            change = replace(change, force=change.force - rubbed * expected_sign(middle(self.track, states)[1], doubt))
         return change
 
     def _exceeded(self, before: mujoco.MjModel, after: mujoco.MjModel) -> bool:
@@ -204,49 +209,10 @@ class _Maker:
             given = np.clip(given, *model.actuator_forcerange[motor])
         return float(np.quantile(np.abs(given + self.smoothed.tau[:, dof] / gear), 0.99))
 
-    def _predicted(self):
-        if self._again[0] is None:
-            plant = replace(self.plant, ctrl=self.told)
-            self._again = plant, plant.step(self.smoothed.states, self.smoothed.tau)
-        return self._again[1]
-
-    def _speed_doubt(self) -> np.ndarray:
-        return speed_doubt(self.track, self.smoothed.states, self.doubt)
-
-    def _force(self, placed: Placed):
-        change, states, tau = self._nothing(), self.smoothed.states, self.smoothed.tau
-        change[2] = force_of(self.track, placed, states, tau, self.doubt)
-        if placed.effect.enters == "gear":
-            none = replace(placed, values=placed.effect.neutral)
-            change[2] = change[2] - force_of(self.track, none, states, tau, self.doubt)
-            readings = [reading_of(self.track, law, states, tau, self.base.readings) for law in (placed, none)]
-            change[1] = readings[0] - readings[1]
-        return change
-
-    def _command(self, placed: Placed):
-        plant = replace(self.plant, ctrl=self.track.commands((*self.plant.placed, placed)))
-        return self._steps(plant, self.base)
-
-    def _measurement(self, placed: Placed):
-        change = self._nothing()
-        change[1] = reading_of(self.track, placed, self.smoothed.states, self.smoothed.tau, self.base.readings)
-        change[1] = change[1] - self.base.readings
-        return change
-
-
-def _alike(before: mujoco.MjModel, after: mujoco.MjModel) -> bool:
-    if not np.array_equal(before.opt.gravity, after.opt.gravity):
-        return False
-    return all(np.array_equal(getattr(before, name), getattr(after, name)) for name in EDITED)
-
-
-# Arrays of a model that laws edit.
-EDITED = tuple(
-    "body_mass body_inertia body_ipos body_iquat body_gravcomp dof_damping dof_dampingpoly dof_armature jnt_stiffness "
-    "jnt_stiffnesspoly qpos_spring actuator_gainprm actuator_biasprm actuator_biastype actuator_forcerange "
-    "actuator_forcelimited actuator_dynprm geom_pos geom_quat geom_size geom_friction geom_solref geom_condim "
-    "pair_friction pair_solref pair_dim pair_margin".split()
-)
+    def _measurement(self, placed: Placed) -> Change:
+        base = self.smoothed.linear.base.readings
+        states, tau = self.smoothed.states, self.smoothed.tau
+        return replace(self.response.nothing(), readings=reading_of(self.track, placed, states, tau, base) - base)
 
 
 def motion_scales(smoothed: Smoothed) -> Scales:

@@ -12,7 +12,7 @@ from fimpact.smoothing import kalman
 
 if TYPE_CHECKING:
     from fimpact.smoothing.linear import Linear
-    from fimpact.smoothing.smoother import Levels
+    from fimpact.smoothing.levels import Levels
     from fimpact.smoothing.track import Track
 
 

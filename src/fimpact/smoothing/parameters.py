@@ -39,6 +39,24 @@ class Parameter:
         return self.value if self.log else 1.0
 
     @property
+    def spread(self) -> float:
+        """Prior sd of the coordinate: of the logarithm where both value and mean are more than nothing."""
+        if not np.isfinite(self.sd) or not self.slope:
+            return np.inf
+        return self.sd / abs(self.mean if self._in_logarithms else self.slope)
+
+    @property
+    def away(self) -> float:
+        """From the coordinate to its prior mean, in prior sd."""
+        if not np.isfinite(self.spread):
+            return 0.0
+        return float(np.log(self.mean / self.value) / self.spread if self._in_logarithms else (self.mean - self.value) / self.sd)
+
+    @property
+    def _in_logarithms(self) -> bool:
+        return self.log and self.mean > 0 and self.value > 0
+
+    @property
     def nudge(self) -> float:
         """A step of the coordinate for a difference quotient."""
         return NUDGE if self.log else NUDGE * self.size

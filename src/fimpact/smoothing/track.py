@@ -14,19 +14,10 @@ from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut
-from fimpact.smoothing.laws import (
-    DRY,
-    expected_sign,
-    force_of,
-    friction_slope,
-    middle,
-    reading_of,
-    slope_of_sign,
-    speed_doubt,
-)
+from fimpact.smoothing.laws import DRY, force_of, reading_of
+from fimpact.smoothing.rubbing import Rubbing, rubbing
 from fimpact.smoothing.states import States, Tangent, tangent
 
-STEEP = 4.0  # times the slope that stops a joint within a sample: no tangent is steeper
 FINEST = 32  # parts of the model's time step at most
 LONG = 256  # samples that a law with a memory is given to gather it
 ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
@@ -57,6 +48,7 @@ class Track:
         self.last[self.bounds[1:] - 1] = True
         self.run_of = np.repeat(np.arange(len(runs)), self.lengths)
         self.steps = 0  # simulated so far
+        self._given: tuple[str, np.ndarray] = "", np.zeros(0)  # commands as laws last changed them
         self.time = np.concatenate([np.arange(length) * self.period for length in self.lengths])
 
     @cached_property
@@ -111,12 +103,16 @@ class Track:
 
     def commands(self, placed: Sequence[Placed] = ()) -> np.ndarray:
         """Commands that reach the plant, (N, 1 or substeps, nu), as the laws of commands among `placed` change them."""
-        if not any(p.effect.enters == "command" for p in placed):
+        laws = [p for p in placed if p.effect.enters == "command"]
+        if not laws:
             return self.ctrl
-        inputs, substeps = self.simulator.commands, self.simulator.substeps
-        signal = inputs.signal(self.windows, self.windows.length * substeps)
-        given = inputs.given(placed, self.windows, signal)[0]
-        return self.flat(given.reshape(len(given), -1, substeps, given.shape[2]))
+        key = repr([(law.name, law.values) for law in laws])
+        if self._given[0] != key:
+            inputs, substeps = self.simulator.commands, self.simulator.substeps
+            signal = inputs.signal(self.windows, self.windows.length * substeps)
+            given = inputs.given(laws, self.windows, signal)[0]
+            self._given = key, self.flat(given.reshape(len(given), -1, substeps, given.shape[2]))
+        return self._given[1]
 
     def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
         """One sample ahead of each state under `ctrl` (N, 1 or substeps, nu) and `force` (N, nv).
@@ -152,27 +148,30 @@ class Track:
         half.opt.timestep /= 2
         return model, half
 
-    def plant(self, placed: Sequence[Placed], theta: np.ndarray, states: States, tau: np.ndarray, doubt) -> "Plant":
+    def plant(
+        self, placed: Sequence[Placed], theta: np.ndarray, states: States, tau: np.ndarray, doubt, sign=None
+    ) -> "Plant":
         """The plant of a hypothesis; laws that MuJoCo lacks act as they do along `states`.
 
         Args:
-            tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv).
+            tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). sign: of the speeds for dry friction, where
+                it is known already.
         """
-        force, slope = np.zeros((self.count, self.model.nv)), np.zeros((self.count, self.model.nv))
-        for law in placed:
-            force += force_of(self, law, states, tau, doubt)
-            slope += friction_slope(self, law, states, tau, doubt)
         model = self.model_of(placed, theta)
-        dry = self._dry(model, states, doubt)
-        # What stops a joint within a sample has no tangent beyond it: the midpoint rule would let it swing.
-        slope = np.maximum(slope + dry[1], -STEEP / (model.dof_invweight0 * self.period))
+        added = self._taken_dry(model)
+        laws = [law for law in placed if law.effect.enters == "friction"]
+        rub = rubbing(self, model, added, laws, states, tau, doubt, sign)
+        force = rub.force.copy()
+        for law in placed:
+            if law.effect.enters != "friction":
+                force += force_of(self, law, states, tau, doubt)
         return Plant(
             self,
             self.at_steps(model),
             tuple(placed),
             self.commands(placed),
-            force + dry[0],
-            slope,
+            force,
+            rub,
             states,
             tau,
         )
@@ -181,19 +180,13 @@ class Track:
         """The model of a hypothesis, laws left out."""
         return self.simulator.model(Hypothesis(theta, tuple(placed)))
 
-    def _dry(self, model: mujoco.MjModel, states: States, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Take added dry friction out of `model`; returns it as a force, (N, nv), at the expected sign of the speed,
-        and its slope.
-
-        Exact friction has no derivative where it stops a joint, and a fit through its reversals never settles.
-        """
+    def _taken_dry(self, model: mujoco.MjModel) -> np.ndarray:
+        """Take added dry friction out of `model`; returns it, (nv,)."""
         added = model.dof_frictionloss - self.model.dof_frictionloss
-        if not added.any():
-            return np.zeros_like(states.qvel), np.zeros_like(states.qvel)
-        for name in DRY:
-            getattr(model, name)[:] = getattr(self.model, name)
-        speed, own = middle(self, states)[1], speed_doubt(self, states, doubt)
-        return -added * expected_sign(speed, own), -added * slope_of_sign(speed, own)
+        if added.any():
+            for name in DRY:
+                getattr(model, name)[:] = getattr(self.model, name)
+        return added
 
     def next(self, states: States) -> States:
         """The state of each row's next, of the last in each run its own."""
@@ -203,15 +196,15 @@ class Track:
 
 @dataclass(frozen=True)
 class Plant:
-    """What a hypothesis makes of each sample: the model at its time steps, commands, and forces of laws, (N, nv), with
-    their slopes, along the states `around`."""
+    """What a hypothesis makes of each sample: the model at its time steps, commands, forces of laws, (N, nv), dry
+    friction among them, along the states `around`."""
 
     track: Track
     models: tuple[mujoco.MjModel, ...]
     placed: tuple[Placed, ...]
     ctrl: np.ndarray
     force: np.ndarray
-    slope: np.ndarray
+    rubbing: Rubbing
     around: States
     tau: np.ndarray
 

@@ -1,0 +1,163 @@
+"""What a change of the plant does to every sample: a force where it is held over the sample, else simulated."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from fimpact.effects.sites import ON_JOINT
+from fimpact.smoothing.inverse import EDITED, Inverse, is_long
+from fimpact.smoothing.laws import reading_of
+from fimpact.smoothing.states import States
+from fimpact.smoothing.track import Plant, Step
+
+NUDGE = 1e-6  # rad, m and their rates: step of a difference quotient of the state
+CHANGED = 0.1  # of a number of the model: derivatives are renewed
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Derivatives of each sample by coordinates of its state and missing force, m = n + nv: advance (N, n, m) of the
+    next state, reads (N, ny, m) of the readings; model: the one they belong to."""
+
+    advance: np.ndarray
+    reads: np.ndarray
+    model: mujoco.MjModel
+
+    def hold(self, model: mujoco.MjModel) -> bool:
+        """Whether they are those of `model` too, as well as a step needs them."""
+        for name in EDITED:
+            before, after = (np.asarray(getattr(own, name), float) for own in (self.model, model))
+            if np.any(np.abs(after - before) > CHANGED * np.maximum(np.abs(before), np.abs(after))):
+                return False
+        return np.array_equal(model.opt.gravity, self.model.opt.gravity)
+
+
+@dataclass(frozen=True)
+class Change:
+    """What something does: to the next state (N, n), to the readings (N, ny), as a force (N, nv)."""
+
+    after: np.ndarray
+    readings: np.ndarray
+    force: np.ndarray
+
+    def scaled(self, factor: float) -> "Change":
+        """So many times the same."""
+        return Change(self.after * factor, self.readings * factor, self.force * factor)
+
+    @property
+    def finite(self) -> bool:
+        """Whether it is a number everywhere, and something."""
+        parts = self.after, self.readings, self.force
+        return all(np.isfinite(own).all() for own in parts) and any(own.any() for own in parts)
+
+
+class Response:
+    """What changes of `plant` do along `states` with the missing force `tau`, (N, nv)."""
+
+    def __init__(self, plant: Plant, states: States, tau: np.ndarray, inverse: Inverse | None = None):
+        self.plant, self.states, self.tau = plant.plain, states, tau
+        self.track = plant.track
+        self.long = is_long(plant.model, self.track.period)
+        self.inverse = inverse or Inverse(self.track, states)
+        self._told: tuple[np.ndarray, Step] | None = None
+
+    @cached_property
+    def near(self) -> Step:
+        """The samples ahead under the plant itself."""
+        return self.plant.step(self.states, self.tau)
+
+    def slopes(self) -> Slopes:
+        """Derivatives by state and missing force: one simulation of all samples for each coordinate."""
+        track, space, near = self.track, self.track.space, self.near
+        n, nv = space.size, track.model.nv
+        advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
+        for j in range(n + nv):
+            step, push, size = np.zeros((track.count, n)), self.tau, NUDGE
+            if j < n:
+                step[:, j] = size
+            else:
+                size = 1e-4 * max(float(track.model.dof_M0[j - n]), 1e-9) / track.period
+                push = self.tau + size * np.eye(nv)[j - n]
+            found = self.plant.step(space.plus(self.states, step), push)
+            advance[:, :, j] = space.minus(found.after, near.after) / size
+            reads[:, :, j] = (found.readings - near.readings) / size
+        return Slopes(advance, reads, self.plant.model)
+
+    def nothing(self) -> Change:
+        """No change."""
+        track = self.track
+        sizes = track.space.size, len(track.recording.channels), track.model.nv
+        return Change(*(np.zeros((track.count, size)) for size in sizes))
+
+    def __call__(self, plant: Plant, told: np.ndarray | None = None) -> Change:
+        """What `plant` does more than this response's own.
+
+        Args:
+            told: commands, (N, steps, nu), under which both are judged; None: each under its own.
+        """
+        held = self._held(plant, told)
+        if held is not None:
+            return held
+        before, near = self.plant, self.near
+        if told is not None:
+            before, plant = (replace(own, ctrl=told) for own in (before, plant))
+            near = self._under(told)
+        found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model))
+        nothing = self.nothing()
+        return Change(
+            self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force
+        )
+
+    def _held(self, plant: Plant, told: np.ndarray | None) -> Change | None:
+        if self.long or (told is None and not np.array_equal(plant.ctrl, self.plant.ctrl)):
+            return None
+        before, after = self.plant.model, plant.model
+        force = self.inverse.change(after, before, (self.plant.ctrl if told is None else told).mean(1))
+        if force is None:
+            return None
+        force = force + plant.force - self.plant.force + self.tau * (heavier(after, before) - 1.0)
+        return Change(self.nothing().after, self._read(plant), force)
+
+    def _read(self, plant: Plant) -> np.ndarray:
+        """What laws of sensors and gears change of the readings."""
+        laws, own = plant.placed, self.plant.placed
+        if laws == own or not any(p.effect.enters in ("measurement", "gear") for p in (*laws, *own)):
+            return self.nothing().readings
+        raw, ends = self._raw.readings, []
+        for placed in (laws, own):
+            readings = raw
+            for law in placed:
+                readings = reading_of(self.track, law, self.states, self.tau, readings)
+            ends.append(readings)
+        return ends[0] - ends[1]
+
+    @cached_property
+    def _raw(self) -> Step:
+        return self.track.ahead(self.plant.models, self.states, self.plant.ctrl, self.plant.force + self.tau)
+
+    def _under(self, told: np.ndarray) -> Step:
+        if self._told is None or self._told[0] is not told:
+            self._told = told, replace(self.plant, ctrl=told).step(self.states, self.tau)
+        return self._told[1]
+
+
+def heavier(after: mujoco.MjModel, before: mujoco.MjModel) -> np.ndarray:
+    """By how much the inertia that each degree of freedom feels has grown, (nv,); 1 where a motor is.
+
+    Where nothing applied is known, forces are known up to their scale only, and least squares of them has the solution
+    that nothing weighs anything. There the missing force grows with the inertia: its acceleration is held.
+    """
+    grown = before.dof_invweight0 / np.maximum(after.dof_invweight0, 1e-300)
+    return np.where(driven(before), 1.0, grown)
+
+
+def driven(model: mujoco.MjModel) -> np.ndarray:
+    """Whether a motor acts on each degree of freedom, (nv,)."""
+    out = np.zeros(model.nv, bool)
+    for motor in range(model.nu):
+        if model.actuator_trntype[motor] != ON_JOINT:
+            return np.ones(model.nv, bool)
+        out |= model.dof_jntid == model.actuator_trnid[motor, 0]
+    return out
