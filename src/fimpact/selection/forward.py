@@ -16,7 +16,7 @@ from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
-MOST = 12  # rounds
+BUDGET = 300.0  # simulations of all samples: what is not found by then is told as what is left
 MISSES = 2  # refits in a row that do not converge: what could be told of the rest is told
 RIVALS = 4  # refitted beside the best in a round
 
@@ -63,6 +63,11 @@ class Search:
         self.misses, self.tries = 0, 0
         self.hint = 1.0  # chance of the strongest hint of the first round
 
+    @property
+    def spent(self) -> float:
+        """Simulations of all samples so far."""
+        return self.track.quanta
+
     def open(self, small: bool) -> list[Candidate]:
         """Candidates that are not in; small: refinements of what is, which wait for the second tier."""
         names = {p.name for p in self.current.placed} | self.dropped
@@ -98,7 +103,7 @@ class Search:
         chosen, others = found.chosen, self.alternatives
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
         best = self.refitted(regression, chosen)
-        best = self._among_rivals(regression, found, best)
+        best = best if small else self._among_rivals(regression, found, best)
         best = self.pruned(best, missing, small)
         self.failed.add(chosen.option.name)
         if not best.converged:
@@ -172,10 +177,10 @@ def explain(
 ) -> Explanation:
     """Find what is missing: classes of physics first, then single odd effects, then small refinements of both."""
     state = Search(track, begun, noise, effects, progress)
-    while state.tries < MOST and state.round():
+    while state.spent < BUDGET and state.round():
         pass
     main, state.misses = len(state.current.placed), 0
-    while main and state.tries < 2 * MOST and state.round(small=True):
+    while main and state.spent < BUDGET and state.round(small=True):
         pass
     final = state.current
     return Explanation(

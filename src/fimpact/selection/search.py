@@ -36,6 +36,11 @@ class Trial:
     errors: np.ndarray
     places: tuple[str, ...] = ()
 
+    @property
+    def sure(self) -> float:
+        """What it gains at the least."""
+        return self.gain - BELIEF * self.error
+
 
 @dataclass(frozen=True)
 class Round:
@@ -56,16 +61,16 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     now = regression.proper(range(regression.p))
     errors, forces = regression.errors(now), regression.forces_left(now)
     tried = [attempt(regression, now, errors, forces, missing, option) for option in offered]
-    tried = sorted((t for t in tried if t), key=lambda t: -t.gain)
+    tried = sorted((t for t in tried if t), key=lambda t: -t.sure)
     likely = [t for t in tried if t.p < P_ALARM and t.gain > 0 and t.share > floor]
-    good = [t for t in likely if t.gain > BELIEF * t.error]
+    good = [t for t in likely if t.sure > 0]
     if not good:
         return Round(None, (), tuple(tried))
     behind = [(t, lag(regression, good[0], t)) for t in likely]  # a rival need not be as sure as what is chosen
     allowed = {True: np.inf if has_servos(regression) else -2 * np.log(UNLIKELY), False: TIED}
     sure = {t.option for t in good}
     tied = [t for t, own in behind if t.option in sure and own < allowed[t.option.compound]]
-    chosen = min(tied, key=lambda t: (t.option.order, -t.gain))
+    chosen = min(tied, key=lambda t: (t.option.order, -t.sure))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t.option is not chosen.option]
     rivals = sorted((pair for pair in weights if pair[1] > UNLIKELY), key=lambda pair: -pair[1])

@@ -13,7 +13,7 @@ from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Plant, Step
 
 NUDGE = 1e-6  # rad, m and their rates: step of a difference quotient of the state
-CHANGED = 0.1  # of a number of the model: derivatives are renewed
+CHANGED = 0.2  # of a number of the model: derivatives are renewed
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ def smooth(
     if like is not None:
         states, tau, doubt, levels, linear = like.states, like.tau, like.doubt, like.levels, like.linear
     anneal = list(LOUDER) if track.late.any() and like is None else []
-    sign, last_step, last_sign = None, np.inf, None
+    sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
     for k in range(rounds + len(anneal)):
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign)
@@ -124,10 +124,12 @@ def smooth(
             break
         dispersion = found.dispersion
         change, far = found.moves(linear, levels, track), found.farthest(numbers)
-        if sign is None and k > len(anneal) + 1 and max(change, far / FAR) > SHRINKS * last_step:
+        if k > len(anneal) + 1 and max(change, far / FAR) > SHRINKS * last_step:
             # Signs of speeds within their doubt that flip back and forth: what friction is there, is in between.
-            sign = (linear.plant.rubbing.sign + last_sign) / 2
+            relax = 1.0 if sign is None else 0.5
+            sign = (linear.plant.rubbing.sign + last_sign) / 2 if sign is None else sign
         last_step, last_sign = max(change, far / FAR), linear.plant.rubbing.sign
+        found = replace(found, change=relax * found.change, step=relax * found.step)
         n = track.space.size
         states, tau = track.space.plus(states, found.change[:, :n]), tau + found.change[:, n:]
         doubt, shift = found.doubts(linear, track), moved_by(levels, begun_levels)
