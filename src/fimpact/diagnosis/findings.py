@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from scipy import stats
 
-from fimpact.deciding import BELIEF, CONFIDENCE
+from fimpact.deciding import BELIEF, CONFIDENCE, NOTHING
 from fimpact.effects.sensing import CHANNEL
 from fimpact.recordings import FIELDS, Recording
 from fimpact.selection.regression import Regression
@@ -17,7 +17,6 @@ from fimpact.smoothing.smoother import Smoothed
 from fimpact.units import channel_unit
 
 CERTAIN, POSSIBLE, SLIGHT = "certain", "possible", "small"
-NOTHING = 1e-3  # of what such parts have: no value of a verdict
 RUNS = 2  # more than there are numbers: from there the spread from run to run is known
 # Turns of what is no joint, though one may have the name of its site.
 ELSEWHERE = ("inertia", "gravity_tilt", "ground_tilt", "misalignment")

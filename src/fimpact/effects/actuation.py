@@ -194,8 +194,8 @@ EFFECTS = (
         law=rotor_inertia,
         neutral={"inertia": 0.0},
         export=exporting(rotor_inertia),
-        prior=lambda scales, model, site: {"inertia": amounts.inertia(scales, model, site)},
-        prior_source="gears match the rotor to its load; light joints often have the motors of heavy ones",
+        prior=lambda scales, model, site: {"inertia": 2 * amounts.inertia(scales, model, site)},
+        prior_source="behind a gear of 100 and more a rotor outweighs its load; light joints have the motors of heavy ones",
         order=MOTOR,
     ),
     Effect(

@@ -7,6 +7,7 @@ import numpy as np
 
 from fimpact.deciding import P_ALARM, REFINES, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
+from fimpact.effects.classes import DRIVE
 from fimpact.selection.options import options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
@@ -16,8 +17,9 @@ from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
-BUDGET = 300.0  # simulations of all samples: what is not found by then is told as what is left
+BUDGET = 400.0  # simulations of all samples: what is not found by then is told as what is left
 MISSES = 2  # refits in a row that do not converge: what could be told of the rest is told
+TYPICAL = 0.5  # of the prior sd of such parts, where it is least: there a compound begins
 RIVALS = 4  # refitted beside the best in a round
 
 
@@ -61,6 +63,8 @@ class Search:
         self.dropped: set[str] = set()
         self.failed: set[str] = set()
         self.misses, self.tries = 0, 0
+        # Where a sample is long against the drive, one kind of physics alone goes wrong at every joint.
+        self.drives_first = self.naive.linear.response.long
         self.hint = 1.0  # chance of the strongest hint of the first round
 
     @property
@@ -89,20 +93,26 @@ class Search:
         tried = self.open(small)
         if not tried:
             return False
+        if self.drives_first:
+            tried = [c for c in tried if c.effect.name in DRIVE]
         regression = Regression(self.current, columns(self.current, tried))
         offered = options(self.track.model, self.track.recording.channels, tried)
-        offered = [option for option in offered if option.name not in self.failed]
+        offered = [o for o in offered if o.name not in self.failed and (o.compound or not self.drives_first)]
         missing = self.left() if small else self.missing
         found = search(regression, offered, missing, REFINES if small else SHARE)
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0)
         self.tries += 1
+        if found.chosen is None and self.drives_first:
+            self.drives_first = False
+            return True
+        self.drives_first = False
         if found.chosen is None:
             self.rounds += [] if self.tries > 1 else [found]
             return False
         chosen, others = found.chosen, self.alternatives
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
-        best = self.refitted(regression, chosen)
+        best = self.refitted(regression, self.whole(chosen, regression))
         best = best if small else self._among_rivals(regression, found, best)
         best = self.pruned(best, missing, small)
         self.failed.add(chosen.option.name)
@@ -118,6 +128,22 @@ class Search:
         """Squared force, (nv,), of which a refinement must take its share: what is left, but no less than what would
         not have been worth a name at first."""
         return np.maximum((self.current.tau**2).sum(0), SHARE * self.missing)
+
+    def whole(self, trial: Trial, regression: Regression) -> Trial:
+        """`trial`, and where a sample is long against the drive, what its compound has left out, at typical sizes: a
+        column at zero is wrong there."""
+        if not (trial.option.compound and self.current.linear.response.long):
+            return trial
+        values = dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))
+        own = {i: values.get(i, 0.0) for i in range(regression.p)}
+        members = [regression.columns.candidates[i] for i in trial.option.members]
+        typical = {c.effect.name: TYPICAL * min(m.sd[0] for m in members if m.effect is c.effect) for c in members}
+        for i, (owner, _) in enumerate(regression.columns.owners, regression.p):
+            candidate = regression.columns.candidates[owner]
+            if owner in trial.option.members:
+                own[i] = max(values.get(i, 0.0), typical[candidate.effect.name] / candidate.sd[0])
+        estimate = replace(trial.estimate, kept=tuple(own), values=np.array(list(own.values())))
+        return replace(trial, estimate=estimate)
 
     def refitted(self, regression: Regression, trial: Trial) -> Smoothed:
         """The fit with the members of `trial`, begun where the regression has them."""

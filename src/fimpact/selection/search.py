@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from fimpact.deciding import BELIEF, P_ALARM, TIED, UNLIKELY
+from fimpact.deciding import BELIEF, NOTHING, P_ALARM, TIED, UNLIKELY
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, chance
 from fimpact.smoothing.smoother import inverse_of_push
@@ -89,7 +89,7 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     own = [regression.p + i for i, (owner, _) in enumerate(owners) if owner in option.members]
     found = regression.proper([*now.kept, *own]) if own else now
     added = len(set(found.kept) - set(now.kept))
-    if not added:
+    if not added or np.abs(found.values[len(now.kept) :]).max(initial=0.0) < NOTHING:
         return None
     gain, dispersion = regression.gain(now, found)
     p = min(1.0, chance(gain, dispersion, added) * regression.independent)
