@@ -72,7 +72,7 @@ class Simulator:
     """Predicts what the channels of `recording` read, at its time step divided by `refine`."""
 
     def __init__(self, recording: Recording, refine: int = 1):
-        self.recording = recording
+        self.recording, self.refine = recording, refine
         spec = recording.spec()
         spec.option.timestep /= refine
         self.base = editable(spec)

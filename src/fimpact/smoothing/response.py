@@ -69,8 +69,10 @@ class Response:
         return self.plant.step(self.states, self.tau)
 
     def slopes(self) -> Slopes:
-        """Derivatives by state and missing force: one simulation of all samples for each coordinate."""
-        track, space, near = self.track, self.track.space, self.near
+        """Derivatives by state and missing force: one simulation of all samples for each coordinate, at the model's own
+        time step: a derivative hardly feels its error."""
+        track, space, plant = self.track, self.track.space, self.plant.coarse
+        near = self.near if plant is self.plant else plant.step(self.states, self.tau)
         n, nv = space.size, track.model.nv
         advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
         for j in range(n + nv):
@@ -80,7 +82,7 @@ class Response:
             else:
                 size = 1e-4 * max(float(track.model.dof_M0[j - n]), 1e-9) / track.period
                 push = self.tau + size * np.eye(nv)[j - n]
-            found = self.plant.step(space.plus(self.states, step), push)
+            found = plant.step(space.plus(self.states, step), push)
             advance[:, :, j] = space.minus(found.after, near.after) / size
             reads[:, :, j] = (found.readings - near.readings) / size
         return Slopes(advance, reads, self.plant.model)

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 from scipy.optimize import lsq_linear
 
-from fimpact.deciding import TRUST
+from fimpact.deciding import CONFIDENCE, TRUST
 from fimpact.smoothing.filtering import Filtered, filtered, swept, variances
 from fimpact.smoothing.levels import Levels
 from fimpact.smoothing.linear import Linear
@@ -18,6 +19,7 @@ from fimpact.smoothing.parameters import Parameter
 from fimpact.smoothing.stretches import spread_of_scores
 from fimpact.smoothing.track import Track
 
+NORMAL = float(stats.norm.ppf((1 + CONFIDENCE) / 2))  # sd, within which so many of normal variables are
 SMALL = 0.1  # of itself, that a number moves by: as much as one sd
 
 
@@ -51,9 +53,11 @@ class Solved:
         return float(max((s for s, n in zip(both, numbers, strict=True) if not n.at_bound), default=0.0))
 
     def moves(self, linear: Linear, levels: Levels, track: Track) -> float:
-        """By how much it moves the readings, in sd, root mean square."""
+        """By how much it moves the readings, in sd, root mean square of all but the few at a contact or a reversal
+        that jump from side to side of it."""
         read = np.einsum("kai,ki->ka", linear.reads, self.change) / levels.reading
-        return float(np.sqrt(np.mean(read[np.isfinite(track.measured)] ** 2)))
+        own = np.abs(read[np.isfinite(track.measured)])
+        return float(np.quantile(own, CONFIDENCE) / NORMAL) if len(own) else 0.0
 
     def doubts(self, linear: Linear, track: Track) -> np.ndarray:
         """Posterior sd of the speeds, (N, nv)."""

@@ -134,7 +134,9 @@ class Track:
     def _ahead(self, model: mujoco.MjModel, states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
         substeps = round(self.period / model.opt.timestep)
         self.steps += substeps * len(states)
-        if ctrl.shape[1] > 1:
+        if ctrl.shape[1] > substeps:  # as coarse as the mean of them
+            ctrl = np.stack([part.mean(1) for part in np.array_split(ctrl, substeps, 1)], 1)
+        elif ctrl.shape[1] > 1:
             ctrl = np.repeat(ctrl, substeps // ctrl.shape[1], 1)
         ctrl = ctrl[:, 0] if ctrl.shape[1] == 1 else ctrl
         qpos, qvel, act, readings = self.simulator.advance(model, states.qpos, states.qvel, states.act, ctrl, force)
@@ -217,6 +219,17 @@ class Plant:
     def plain(self) -> "Plant":
         """The same at one time step only: a derivative hardly feels the step's error."""
         return replace(self, models=self.models[:1])
+
+    @property
+    def coarse(self) -> "Plant":
+        """The same at the time step that the model itself has."""
+        simulator = self.track.simulator
+        substeps = max(round(simulator.substeps / simulator.refine), 2)
+        if substeps >= simulator.substeps:
+            return self.plain
+        model = copy.copy(self.model)
+        model.opt.timestep = self.track.period / substeps
+        return replace(self, models=(model,))
 
     def step(self, states: States, tau: np.ndarray) -> Step:
         """One sample ahead of each state with the missing force `tau` (N, nv)."""
