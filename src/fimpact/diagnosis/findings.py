@@ -63,13 +63,19 @@ def half_widths(smoothed: Smoothed) -> np.ndarray:
         return np.zeros(0)
     regression = Regression(smoothed, columns(smoothed, []))
     found = regression.solve(range(regression.p))
-    by_stretch = np.sqrt(np.diag(regression.covariance(found)))
+    by_stretch = _sd(regression.covariance(found))
     wide = by_stretch * stats.t.ppf((1 + CONFIDENCE) / 2, max(regression.count - 1, 1))
     runs = _run_of_stretch(regression)
     if len(np.unique(runs)) >= RUNS + regression.p:
-        by_run = np.sqrt(np.diag(regression.covariance(found, runs)))
+        by_run = _sd(regression.covariance(found, runs))
         wide = np.maximum(wide, by_run * stats.t.ppf((1 + CONFIDENCE) / 2, len(np.unique(runs)) - 1))
     return wide * np.array([n.slope for n in smoothed.numbers])
+
+
+def _sd(covariance: np.ndarray) -> np.ndarray:
+    """Standard deviations, (p,); infinite where rounding has left no variance: nothing is known there."""
+    own = np.diag(covariance)
+    return np.where(own > 0, np.sqrt(np.maximum(own, 0.0)), np.inf)
 
 
 def _run_of_stretch(regression: Regression) -> np.ndarray:

@@ -24,15 +24,23 @@ def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> 
     """The track of `runs`, default: those that may be fitted.
 
     Args:
+        runs: default: those that may be fitted, or as many of them as the case asks for.
         refine: parts of the model's time step; 0: as fine as it must be.
     """
-    noise, runs = noise_level(recording), runs or recording.training
+    noise, runs = noise_level(recording), runs or spread_out(recording.training, recording.windows)
 
     def begin(track: Track) -> States:
         return measured_states(track, noise)
 
     track, begun = refined(recording, runs, begin, noise, refine)
     return Prepared(track, begun, noise)
+
+
+def spread_out(runs: Sequence[Run], most: int) -> tuple[Run, ...]:
+    """At most so many of `runs`, spread over all of them; 0: all."""
+    if not most or len(runs) <= most:
+        return tuple(runs)
+    return tuple(runs[i] for i in np.linspace(0, len(runs) - 1, most).round().astype(int))
 
 
 def measured_states(track: Track, noise: np.ndarray) -> States:

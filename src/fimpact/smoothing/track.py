@@ -19,6 +19,7 @@ from fimpact.smoothing.rubbing import Rubbing, rubbing
 from fimpact.smoothing.states import States, Tangent, tangent
 
 FINEST = 32  # parts of the model's time step at most
+FINER, COARSER = 8, 4  # times as fine is contact simulated; as coarse are its differences, where that is the finest
 LONG = 256  # samples that a law with a memory is given to gather it
 ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
 
@@ -32,10 +33,13 @@ class Step:
 
 
 class Track:
-    """All samples of `runs`, N of them, row after row, and what the model makes of each."""
+    """All samples of `runs`, N of them, row after row, and what the model makes of each.
 
-    def __init__(self, simulator: Simulator, runs: Sequence[Run]):
-        self.simulator, self.runs = simulator, tuple(runs)
+    finer: parts of the simulator's time step in which contact is simulated where its error counts.
+    """
+
+    def __init__(self, simulator: Simulator, runs: Sequence[Run], finer: int = 1):
+        self.simulator, self.runs, self.finer = simulator, tuple(runs), finer
         self.model: mujoco.MjModel = simulator.base
         self.recording: Recording = simulator.recording
         self.period = self.recording.period
@@ -118,13 +122,14 @@ class Track:
         """One sample ahead of each state under `ctrl` (N, 1 or substeps, nu) and `force` (N, nv).
 
         Args:
-            models: the plant at the time step, and where the step's error is extrapolated away, at half of it.
+            models: the plant at the time step, and where the step's error is to be taken out, at a finer one.
         """
+        if len(models) == 1 or can_touch(self.model):
+            return self._ahead(models[-1], states, ctrl, force)
         ends = [self._ahead(model, states, ctrl, force) for model in models]
-        after, readings = ends[0].after, ends[0].readings
-        if len(ends) > 1:  # Richardson: what half the step changes is added once more
-            after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
-        return Step(after, readings)
+        # Richardson: what half the step changes is added once more
+        after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
+        return Step(after, ends[0].readings)
 
     @property
     def quanta(self) -> float:
@@ -143,12 +148,11 @@ class Track:
         return Step(States(qpos, qvel, act), readings)
 
     def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, ...]:
-        """`model`, and where nothing touches, the same at half its time step."""
-        if can_touch(self.model):
-            return (model,)
-        half = copy.copy(model)
-        half.opt.timestep /= 2
-        return model, half
+        """`model`, and the same at the finer time step that takes the step's error out: half of it, from which it is
+        extrapolated, and where something may touch, which has no order, as fine as is worth it."""
+        finer = copy.copy(model)
+        finer.opt.timestep /= self.finer if can_touch(self.model) else 2
+        return (model,) if finer.opt.timestep == model.opt.timestep else (model, finer)
 
     def plant(
         self, placed: Sequence[Placed], theta: np.ndarray, states: States, tau: np.ndarray, doubt, sign=None
@@ -250,7 +254,7 @@ def refined(
     """
     if refine:
         track = Track(Simulator(recording, refine), runs)
-        return track, begin(track)
+        return _in_contact(track), begin(track)
     refine, track, states = 1, None, None
     while True:
         finer = Track(Simulator(recording, refine), runs)
@@ -259,10 +263,22 @@ def refined(
             continue
         states = begin(finer) if states is None else states
         if track is not None and _error(track, finer, states, noise) < DOUBT:
-            return track, states
+            return _in_contact(track), states
         track, refine = finer, 2 * refine
         if refine > FINEST:
-            return track, states
+            return _in_contact(track), states
+
+
+def _in_contact(track: Track) -> Track:
+    """The track, and where something may touch, with a finer step for predictions: the error of a contact goes one way,
+    and adds up over a run; differences and derivatives hardly feel it."""
+    refine = track.simulator.refine
+    if not can_touch(track.model):
+        return track
+    fine = min(FINER * refine, max(FINEST, refine))
+    coarse = min(refine, max(fine // COARSER, 1))
+    simulator = track.simulator if coarse == refine else Simulator(track.recording, coarse)
+    return Track(simulator, track.runs, fine // coarse)
 
 
 def _error(track: Track, finer: Track, states: States, noise: np.ndarray) -> float:
