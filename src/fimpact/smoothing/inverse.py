@@ -64,7 +64,7 @@ class Inverse:
             return None
         out = np.zeros_like(self.qvel)
         if edited & {*INERTIAL, "gravity"}:
-            if before.body_gravcomp.any() or (self._weighs and edited & set(INERTIAL)):
+            if before.body_gravcomp.any() or self._weighed(after, before):
                 return None
             out -= self._inertial(after) - self._inertial(before) if "gravity" in edited else self._moved(after, before)
         if edited & set(OF_JOINTS):
@@ -79,10 +79,18 @@ class Inverse:
             out += given
         return out
 
+    def _weighed(self, after: mujoco.MjModel, before: mujoco.MjModel) -> bool:
+        """Whether a sensor feels what an edited body weighs, not only how it moves."""
+        changed = [(getattr(after, n) != getattr(before, n)).reshape(after.nbody, -1).any(1) for n in INERTIAL]
+        edited = np.any(changed, axis=0) | (after.opt.gravity != before.opt.gravity).any()
+        return any(edited[_carried(self.model, int(self.model.site_bodyid[site]))].any() for site in self._scales)
+
     @cached_property
-    def _weighs(self) -> bool:
-        """Whether a sensor feels what a body weighs, not only how it moves."""
-        return self._has(WEIGHED)
+    def _scales(self) -> set[int]:
+        """Sites of sensors between a body and what carries it."""
+        names = {name.partition("[")[0] for name in self.track.recording.channels}
+        sensors = [self.model.sensor(name) for name in names]
+        return {int(sensor.objid[0]) for sensor in sensors if int(sensor.type[0]) in WEIGHED}
 
     @cached_property
     def _feels_motors(self) -> bool:
@@ -243,6 +251,16 @@ def is_long(model: mujoco.MjModel, period: float) -> bool:
         damping[dof] -= gear**2 * model.actuator_biasprm[motor, 2]
     rates = np.maximum(period * damping, period**2 * stiffness) * model.dof_invweight0
     return bool((rates > HELD).any())
+
+
+def _carried(model: mujoco.MjModel, body: int) -> np.ndarray:
+    """Which bodies hang on `body`, itself among them, (nb,)."""
+    out = np.zeros(model.nbody, bool)
+    out[body] = True
+    for own in range(body + 1, model.nbody):
+        out[own] = out[model.body_parentid[own]]
+    out[body] = True
+    return out
 
 
 def _gravity(model: mujoco.MjModel) -> np.ndarray:

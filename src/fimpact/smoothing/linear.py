@@ -49,13 +49,14 @@ def linearise(
     theta=None,
     like: Linear | None = None,
     sign: np.ndarray | None = None,
+    rough: bool = False,
 ) -> Linear:
     """Linearise every sample.
 
     Args:
         numbers: what is estimated. theta: values of the unknowns where they are not among the numbers.
         like: the same along a trajectory so near that its derivatives hold, unless the model itself has changed.
-        sign: of the speeds for dry friction, where it is known already.
+        sign: of the speeds for dry friction, where it is known already. rough: the error of the time step counts little.
     """
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
@@ -67,7 +68,7 @@ def linearise(
     for index, number in enumerate(numbers):
         known = like.changes.get((number.of, number.name)) if kept and response.long else None
         changes[number.of, number.name] = known or _moved(response, numbers, placed, index, doubt, sign)
-    base = plant.step(states, tau)
+    base = response.near if rough else plant.step(states, tau)
     columns = [(c.after + _ahead(slopes, c), -c.readings - _read(slopes, c)) for c in changes.values()]
     offsets = np.stack([track.space.minus(base.after, track.next(states)), *(own for own, _ in columns)], 2)
     left = np.stack([np.nan_to_num(track.measured - base.readings), *(own for _, own in columns)], 2)

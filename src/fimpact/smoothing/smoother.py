@@ -101,11 +101,12 @@ def smooth(
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
     for k in range(rounds + len(anneal)):
-        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign)
+        rough = k < len(anneal)
+        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough)
         if levels is None:
             tau = _inverse(track, linear)
             levels = first_levels(track, states, tau, noise)
-            linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None, sign)
+            linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None, sign, rough)
         loud = anneal[k] if k < len(anneal) else 1.0
         begun_levels = levels = replace(levels, louder=np.where(track.late, loud, 1.0))
         stretch = stretches(track, tau) if stretch is None else stretch
@@ -156,8 +157,8 @@ def smooth(
     )  # fmt: skip
 
 
-def _linear(track, numbers, fixed, placed, states, tau, doubt, like: Linear | None, sign) -> Linear:
-    return linearise(track, numbers, placed_of(fixed, placed), states, tau, doubt, theta_of(fixed), like, sign)
+def _linear(track, numbers, fixed, placed, states, tau, doubt, like: Linear | None, sign, rough=False) -> Linear:
+    return linearise(track, numbers, placed_of(fixed, placed), states, tau, doubt, theta_of(fixed), like, sign, rough)
 
 
 def _inverse(track: Track, linear: Linear) -> np.ndarray:
