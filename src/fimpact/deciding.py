@@ -7,6 +7,8 @@ STILL = 0.05  # share of its noise or sd by which a next step moves no reading a
 ROUNDS = 20  # steps of a fit at most; what is not still then is never used as if it were
 LOUDER = (30.0, 15.0, 8.0, 4.0, 2.0)  # times their noise: sensors of force and acceleration come in so (METHOD 2)
 SWITCH = 2  # samples before and after a contact begins or ends that belong to neither mode
+TRUSTED = (0.1, 30.0)  # times what the samples show: noise levels of the readings that are believed
+HELD = 2.0  # decays within a sample, of a speed or of what bends a servo: beyond, no force is held over it
 DOUBT = 1.0  # standard deviation, over all readings: error of the time step from which it is halved
 
 # Selection
@@ -20,3 +22,10 @@ FOLDS = 5  # of blocked validation
 STRETCHES = 10  # least number of stretches from which a spread is estimated
 BELIEF = 2.0  # standard errors that a gain is beyond nothing, and prior ones that a size is believed (METHOD 5, 6)
 CONFIDENCE = 0.95  # of intervals
+RIVALS = 4  # refitted beside the best in a round: each costs as much as the best
+MISSES = 2  # refits in a row that do not converge: what could be told of the rest is told
+BUDGET = 400.0  # simulations of all samples: what is not found by then is told as what is left
+TYPICAL = 0.5  # of the prior sd of such parts, where it is least: there a compound begins
+
+# Telling
+LOUD = 0.2  # of the force applied: a remainder is told beyond it

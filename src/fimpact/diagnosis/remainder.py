@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from fimpact.deciding import LOUD
 from fimpact.diagnosis.proof import Proof
 from fimpact.selection.forward import Explanation
 from fimpact.smoothing.prepare import Prepared
@@ -12,7 +13,6 @@ from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
 POINTS = 60  # of the picture
-LOUD = 0.2  # of the force applied: a remainder that is told
 
 
 def missing_rows(found: Explanation) -> list[dict[str, Any]]:

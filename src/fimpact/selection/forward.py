@@ -5,22 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import P_ALARM, REFINES, SHARE, TIED, UNLIKELY
+from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, TYPICAL, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.classes import DRIVE
 from fimpact.selection.options import options
 from fimpact.selection.regression import Regression
-from fimpact.selection.search import Round, Trial, search, worth
+from fimpact.selection.search import Round, Trial, has_servos, search, worth
 from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales
 from fimpact.smoothing.parameters import placed_of, theta_of
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
-
-BUDGET = 400.0  # simulations of all samples: what is not found by then is told as what is left
-MISSES = 2  # refits in a row that do not converge: what could be told of the rest is told
-TYPICAL = 0.5  # of the prior sd of such parts, where it is least: there a compound begins
-RIVALS = 4  # refitted beside the best in a round
 
 
 @dataclass(frozen=True)
@@ -55,6 +50,11 @@ class Search:
     def __init__(self, track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable):
         self.track, self.begun, self.noise, self.progress = track, begun, noise, progress
         self.naive = self.current = smooth(track, begun, noise, progress=progress)
+        if not np.isfinite(self.naive.chi2) or not np.isfinite(self.naive.tau).all():
+            raise ValueError(
+                "The model runs away within one sample of the recording: its states there are no states of the model. "
+                "Measure the joints that close a loop, or give the model a start that keeps its constraints."
+            )
         self.scales = motion_scales(self.naive)
         self.candidates = candidates(effects, track, self.scales)
         self.missing = (self.naive.tau**2).sum(0)
@@ -63,8 +63,8 @@ class Search:
         self.dropped: set[str] = set()
         self.failed: set[str] = set()
         self.misses, self.tries = 0, 0
-        # Where a sample is long against the drive, one kind of physics alone goes wrong at every joint.
-        self.drives_first = self.naive.linear.response.long
+        # Under servos, and where a sample is long against the drive, one kind of physics alone goes wrong at each joint.
+        self.drives_first = self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self.hint = 1.0  # chance of the strongest hint of the first round
 
     @property
@@ -130,9 +130,8 @@ class Search:
         return np.maximum((self.current.tau**2).sum(0), SHARE * self.missing)
 
     def whole(self, trial: Trial, regression: Regression) -> Trial:
-        """`trial`, and where a sample is long against the drive, what its compound has left out, at typical sizes: a
-        column at zero is wrong there."""
-        if not (trial.option.compound and self.current.linear.response.long):
+        """`trial`, and under servos what its compound has left out, at typical sizes: a column at zero is wrong there."""
+        if not (trial.option.compound and self.coupled):
             return trial
         values = dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))
         own = {i: values.get(i, 0.0) for i in range(regression.p)}
@@ -187,6 +186,22 @@ class Search:
             fit = smooth(self.track, self.begun, self.noise, placed, priors, fit, progress=self.progress)
         return fit
 
+    def simplified(self) -> Smoothed:
+        """The fit with a special case in place of each effect that is no likelier than it."""
+        fit = self.current
+        for place, law in enumerate(fit.placed):
+            special = [c for c in self.candidates if c.effect.name in law.effect.contains and c.site == law.site]
+            for candidate in special[:1]:
+                known = [c.name for c in law.effect.coefficients if not c.shape]
+                size = float(np.mean([law.values[name] for name in known]))
+                own = list(zip(fit.placed, fit.priors, strict=True))
+                own[place] = candidate.placed([size]), dict(zip(candidate.names, candidate.sd, strict=True))
+                placed, priors = zip(*own, strict=True)
+                found = smooth(self.track, self.begun, self.noise, placed, priors, fit, progress=self.progress)
+                if found.converged and found.loss(fit.dispersion) < fit.loss(fit.dispersion) + TIED:
+                    fit = found
+        return fit
+
     def _bears(self, fit: Smoothed, place: int, missing: np.ndarray, small: bool) -> bool:
         if small and place < len(self.current.placed):
             return True
@@ -208,7 +223,7 @@ def explain(
     main, state.misses = len(state.current.placed), 0
     while main and state.spent < BUDGET and state.round(small=True):
         pass
-    final = state.current
+    final = state.current = state.simplified()
     return Explanation(
         state.naive, final, Regression(final, columns(final, [])), main, tuple(state.rounds),
         tuple(state.alternatives), state.hint, state.scales, state.missing,

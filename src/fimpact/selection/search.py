@@ -8,6 +8,7 @@ the earlier in the engineer's order; all that data cannot tell from it is its se
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 from scipy import stats
 
@@ -67,20 +68,20 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     if not good:
         return Round(None, (), tuple(tried))
     behind = [(t, lag(regression, good[0], t)) for t in likely]  # a rival need not be as sure as what is chosen
-    allowed = {True: np.inf if has_servos(regression) else -2 * np.log(UNLIKELY), False: TIED}
+    allowed = {True: np.inf if has_servos(regression.smoothed.track.model) else -2 * np.log(UNLIKELY), False: TIED}
     sure = {t.option for t in good}
     tied = [t for t, own in behind if t.option in sure and own < allowed[t.option.compound]]
-    chosen = min(tied, key=lambda t: (t.option.order, -t.sure))
+    chosen = min(tied, key=lambda t: (t.option.order, len(t.estimate.kept), -t.sure))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t.option is not chosen.option]
     rivals = sorted((pair for pair in weights if pair[1] > UNLIKELY), key=lambda pair: -pair[1])
     return Round(chosen, tuple(rivals), tuple(tried))
 
 
-def has_servos(regression: Regression) -> bool:
+def has_servos(model: mujoco.MjModel) -> bool:
     """Whether motors hold positions: under them one kind of physics alone goes wrong at every joint, and the compound
     of what every geared drive has comes first."""
-    return bool(regression.smoothed.track.model.actuator_biasprm[:, 1].any())
+    return bool(model.actuator_biasprm[:, 1].any())
 
 
 def attempt(regression: Regression, now: Estimate, errors, forces, missing, option: Option) -> Trial | None:

@@ -10,6 +10,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
+from fimpact.deciding import HELD
 from fimpact.effects.sites import ON_JOINT
 from fimpact.smoothing.laws import middle
 from fimpact.smoothing.states import BALL, FREE, States
@@ -27,7 +28,6 @@ EDITED = (
     "geom_pos geom_quat geom_size geom_friction geom_solref geom_condim pair_friction pair_solref "
     "pair_dim pair_margin".split(),
 )
-HELD = 2.0  # decays within a sample at most, of a speed or of what bends a servo, where a force counts as held
 _S = mujoco.mjtSensor
 MOTOR_FORCES = tuple(map(int, (_S.mjSENS_ACTUATORFRC, _S.mjSENS_JOINTACTFRC, _S.mjSENS_TENDONACTFRC)))
 WEIGHED = (int(mujoco.mjtSensor.mjSENS_FORCE), int(mujoco.mjtSensor.mjSENS_TORQUE))

@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import FALL, SWITCH
+from fimpact.deciding import FALL, SWITCH, TRUSTED
 from fimpact.effects.sites import can_touch
 from fimpact.smoothing.laws import touching
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
 LEAST = 1e-4  # of its first size: a missing force that is smaller is none
-TRUSTED = (0.1, 30.0)  # times what the samples show: noise levels of the readings
 FLIGHT, STANCE, CHANGE = 0, 1, 2  # contact modes
 
 

@@ -10,7 +10,7 @@ from fimpact.effects.base import Placed
 from fimpact.recordings import FIELDS, Recording
 from fimpact.simulation.simulator import Simulator
 
-NOTHING = 1e-4  # of what such parts have: a size that is none
+TINY = 1e-4  # of what such parts have: a size that is none
 NUDGE = 1e-4  # relative step of a difference quotient
 
 
@@ -115,7 +115,7 @@ def _coefficient(law: Placed, c, place: int, prior: dict[str, float]) -> Paramet
     log = neutral == 0 and low == 0 and value > 0 and not c.shape
     log |= c.shape and low > 0
     if log and not c.shape and np.isfinite(prior.get(c.name, np.inf)):
-        low = min(NOTHING * prior[c.name], value)  # in logarithms nothing is infinitely far away
+        low = min(TINY * prior[c.name], value)  # in logarithms nothing is infinitely far away
     size = max(abs(value), 0.1 * prior.get(c.name, 0.0)) or law.sizes.get(c.name) or 1e-3
     mean, sd = (value, np.inf) if c.shape else (neutral, prior.get(c.name, np.inf))
     return Parameter(c.name, law.name, c.unit, place, value, mean, sd, low, high, log, size)
