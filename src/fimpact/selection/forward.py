@@ -63,8 +63,7 @@ class Search:
         self.dropped: set[str] = set()
         self.failed: set[str] = set()
         self.misses, self.tries = 0, 0
-        # Under servos, and where a sample is long against the drive, one kind of physics alone goes wrong at each joint.
-        self.drives_first = self.coupled = self.naive.linear.response.long or has_servos(track.model)
+        self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self.hint = 1.0  # chance of the strongest hint of the first round
 
     @property
@@ -88,27 +87,46 @@ class Search:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
         return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
 
+    def drive(self) -> None:
+        """Refit with a geared drive at every driven joint, and keep what bears something.
+
+        Under servos, and where a sample is long against the drive, a column at zero is wrong, and one kind of physics
+        alone goes wrong at each joint: the compound is refitted whatever its columns say.
+        """
+        tried = [c for c in self.open(False) if c.effect.name in DRIVE]
+        if not (self.coupled and tried):
+            return
+        regression = Regression(self.current, columns(self.current, tried))
+        offered = options(self.track.model, self.track.recording.channels, tried)
+        found = search(regression, [option for option in offered if option.compound], self.missing, SHARE)
+        trial = next(iter(found.tried), None)
+        if trial is None:
+            return
+        self.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
+        best = self.pruned(self.refitted(regression, self.whole(trial, regression)), self.missing, False)
+        spread = regression.dispersion
+        if best.converged and best.placed and best.loss(spread) < self.current.loss(spread):
+            self.current, self.hint = best, trial.p
+            self.rounds.append(replace(found, chosen=trial, tried=found.tried))
+            self.failed.add(trial.option.name)
+        else:
+            self.dropped.clear()
+
     def round(self, small: bool = False) -> bool:
         """Choose and refit; False where nothing qualifies."""
         tried = self.open(small)
         if not tried:
             return False
-        if self.drives_first:
-            tried = [c for c in tried if c.effect.name in DRIVE]
         regression = Regression(self.current, columns(self.current, tried))
         offered = options(self.track.model, self.track.recording.channels, tried)
-        offered = [o for o in offered if o.name not in self.failed and (o.compound or not self.drives_first)]
+        offered = [option for option in offered if option.name not in self.failed]
         missing = self.left() if small else self.missing
         found = search(regression, offered, missing, REFINES if small else SHARE)
         if not self.tries:
-            self.hint = min((t.p for t in found.tried), default=1.0)
+            self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
-        if found.chosen is None and self.drives_first:
-            self.drives_first = False
-            return True
-        self.drives_first = False
         if found.chosen is None:
-            self.rounds += [] if self.tries > 1 else [found]
+            self.rounds += [] if self.tries > 1 or self.rounds else [found]
             return False
         chosen, others = found.chosen, self.alternatives
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
@@ -130,7 +148,7 @@ class Search:
         return np.maximum((self.current.tau**2).sum(0), SHARE * self.missing)
 
     def whole(self, trial: Trial, regression: Regression) -> Trial:
-        """`trial`, and under servos what its compound has left out, at typical sizes: a column at zero is wrong there."""
+        """`trial`, and under servos what its compound has left out, at typical sizes."""
         if not (trial.option.compound and self.coupled):
             return trial
         values = dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))
@@ -218,6 +236,7 @@ def explain(
 ) -> Explanation:
     """Find what is missing: classes of physics first, then single odd effects, then small refinements of both."""
     state = Search(track, begun, noise, effects, progress)
+    state.drive()
     while state.spent < BUDGET and state.round():
         pass
     main, state.misses = len(state.current.placed), 0

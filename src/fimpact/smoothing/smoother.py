@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import LOUDER, ROUNDS, STILL
+from fimpact.deciding import LOUDER, ROUNDS, STILL, TRUST
 from fimpact.effects.base import Placed
 from fimpact.smoothing.filtering import Filtered, variances
 from fimpact.smoothing.levels import Levels, Pace, first_levels, in_modes, moved_by, nearer
@@ -125,7 +125,8 @@ def smooth(
             break
         dispersion = found.dispersion
         change, far = found.moves(linear, levels, track), found.farthest(numbers)
-        if k > len(anneal) + 1 and max(change, far / FAR) > SHRINKS * last_step:
+        travels = any(n.log and abs(own) > 0.99 * np.log(TRUST) for n, own in zip(numbers, found.step, strict=True))
+        if k > len(anneal) + 1 and not travels and max(change, far / FAR) > SHRINKS * last_step:
             # Signs of speeds within their doubt that flip back and forth: what friction is there, is in between.
             relax = 1.0 if sign is None else 0.5
             sign = (linear.plant.rubbing.sign + last_sign) / 2 if sign is None else sign
