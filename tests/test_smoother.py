@@ -11,9 +11,9 @@ from recorded import ARM, ROD, arm, record, rod, waves
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
-from fimpact.smoothing.response import heavier
-from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.levels import CHANGE, FLIGHT, STANCE
+from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.response import heavier
 from fimpact.smoothing.smoother import Smoothed, smooth
 
 MOTOR = '<motor name="motor" joint="pivot"/>'

@@ -195,7 +195,7 @@ EFFECTS = (
         neutral={"inertia": 0.0},
         export=exporting(rotor_inertia),
         prior=lambda scales, model, site: {"inertia": 2 * amounts.inertia(scales, model, site)},
-        prior_source="behind a gear of 100 and more a rotor outweighs its load; light joints have the motors of heavy ones",
+        prior_source="behind a gear of 100 a rotor outweighs its load; light joints have the motors of heavy ones",
         order=MOTOR,
     ),
     Effect(

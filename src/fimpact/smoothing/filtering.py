@@ -11,8 +11,8 @@ from fimpact.simulation.simulator import threads
 from fimpact.smoothing import kalman
 
 if TYPE_CHECKING:
-    from fimpact.smoothing.linear import Linear
     from fimpact.smoothing.levels import Levels
+    from fimpact.smoothing.linear import Linear
     from fimpact.smoothing.track import Track
 
 

@@ -31,6 +31,9 @@ EDITED = (
 _S = mujoco.mjtSensor
 MOTOR_FORCES = tuple(map(int, (_S.mjSENS_ACTUATORFRC, _S.mjSENS_JOINTACTFRC, _S.mjSENS_TENDONACTFRC)))
 WEIGHED = (int(mujoco.mjtSensor.mjSENS_FORCE), int(mujoco.mjtSensor.mjSENS_TORQUE))
+FALLING = tuple(map(int, (_S.mjSENS_ACCELEROMETER, _S.mjSENS_FRAMELINACC)))
+OF_MASS = tuple(map(int, (_S.mjSENS_SUBTREECOM, _S.mjSENS_SUBTREELINVEL, _S.mjSENS_SUBTREEANGMOM)))
+BODY = int(mujoco.mjtObj.mjOBJ_BODY)  # the frame in which a body's mass lies, for sensors
 XBODY = int(mujoco.mjtObj.mjOBJ_XBODY)
 
 
@@ -64,7 +67,7 @@ class Inverse:
             return None
         out = np.zeros_like(self.qvel)
         if edited & {*INERTIAL, "gravity"}:
-            if before.body_gravcomp.any() or self._weighed(after, before):
+            if before.body_gravcomp.any() or self._weighed(after, before) or self._shown(edited):
                 return None
             out -= self._inertial(after) - self._inertial(before) if "gravity" in edited else self._moved(after, before)
         if edited & set(OF_JOINTS):
@@ -85,6 +88,13 @@ class Inverse:
         edited = np.any(changed, axis=0) | (after.opt.gravity != before.opt.gravity).any()
         return any(edited[_carried(self.model, int(self.model.site_bodyid[site]))].any() for site in self._scales)
 
+    def _shown(self, edited: set[str]) -> bool:
+        """Whether a sensor shows the edit itself: accelerometers gravity, others where a body's mass lies."""
+        kinds = FALLING if "gravity" in edited else ()
+        names = {name.partition("[")[0] for name in self.track.recording.channels}
+        inertial = any(int(self.model.sensor(name).objtype[0]) == BODY for name in names)
+        return self._has(kinds) or (bool(edited & set(INERTIAL)) and (inertial or self._has(OF_MASS)))
+
     @cached_property
     def _scales(self) -> set[int]:
         """Sites of sensors between a body and what carries it."""
@@ -102,9 +112,9 @@ class Inverse:
 
     @cached_property
     def _motion(self) -> tuple[np.ndarray, ...]:
-        """Of each sample and body: its place (N, nb, 3), axes (N, nb, 3, 3), centre (N, nb, 3) of its tree, velocity and
-        acceleration in its own axes (N, nb, 6), turning first, without gravity; and MuJoCo's `cdof`, (N, nv, 6), which
-        belongs to the centres."""
+        """Of each sample and body: its place (N, nb, 3), axes (N, nb, 3, 3), centre (N, nb, 3) of its tree, velocity
+        and acceleration in its own axes (N, nb, 6), turning first, without gravity; and MuJoCo's `cdof`, (N, nv, 6),
+        which belongs to the centres."""
         model, count = self.model, len(self.qpos)
         data, nb = mujoco.MjData(model), model.nbody
         free = model.opt.gravity.copy()
@@ -150,9 +160,7 @@ class Inverse:
         moment[:, :, 1:4] = -_cross(push)
         moment[:, :, 4:] = _by_moments(spin) + turning @ _by_moments(turn)
         jacobian = self._jacobian(body, place, axes, cdof, centre)
-        out = np.einsum("kji,kip->kjp", jacobian[..., :3], force) + np.einsum(
-            "kji,kip->kjp", jacobian[..., 3:], moment
-        )
+        out = np.einsum("kji,kip->kjp", jacobian[..., :3], force) + np.einsum("kji,kip->kjp", jacobian[..., 3:], moment)
         weight = np.zeros((len(turn), len(jacobian[0]), 4, 3))
         back = axes.swapaxes(1, 2)  # of the world in the body's axes
         weight[:, :, 0] = jacobian[..., :3] @ back
@@ -193,11 +201,13 @@ class Inverse:
         return out
 
     def _of_joints(self, model: mujoco.MjModel) -> np.ndarray | None:
-        speed = self.qvel
-        out = model.dof_damping * speed + model.dof_armature * self.qacc
-        for power, poly in enumerate(model.dof_dampingpoly.T):
-            out = out + poly * speed * np.abs(speed) ** (power + 1)
-        for joint in range(model.njnt):
+        speed, off = self.qvel, model.opt.disableflags
+        out = model.dof_armature * self.qacc
+        if not off & mujoco.mjtDisableBit.mjDSBL_DAMPER:
+            out = out + model.dof_damping * speed
+            for power, poly in enumerate(model.dof_dampingpoly.T):
+                out = out + poly * speed * np.abs(speed) ** (power + 1)
+        for joint in range(0 if off & mujoco.mjtDisableBit.mjDSBL_SPRING else model.njnt):
             stiff = np.r_[model.jnt_stiffness[joint], model.jnt_stiffnesspoly[joint]]
             if not stiff.any():
                 continue
@@ -221,9 +231,12 @@ class Inverse:
 
 
 def is_plain(model: mujoco.MjModel, motor: int) -> bool:
-    """Whether a motor gives a joint what its command says, at once."""
+    """Whether a motor gives a hinge or a slide what its command says, at once."""
+    joint = model.actuator_trnid[motor, 0]
     return bool(
         model.actuator_trntype[motor] == ON_JOINT
+        and model.jnt_type[joint] not in (FREE, BALL)
+        and not model.jnt_actfrclimited[joint]
         and model.actuator_dyntype[motor] == mujoco.mjtDyn.mjDYN_NONE
         and model.actuator_gaintype[motor] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
@@ -259,7 +272,6 @@ def _carried(model: mujoco.MjModel, body: int) -> np.ndarray:
     out[body] = True
     for own in range(body + 1, model.nbody):
         out[own] = out[model.body_parentid[own]]
-    out[body] = True
     return out
 
 
@@ -289,6 +301,6 @@ def _by_moments(rows: np.ndarray) -> np.ndarray:
     """Inertia times each of `rows` as a matrix, (N, 3, 6), of its moments xx, yy, zz, xy, xz, yz."""
     x, y, z = rows.T
     none = np.zeros_like(x)
-    return np.array(
-        [[x, none, none, y, z, none], [none, y, none, x, none, z], [none, none, z, none, x, y]]
-    ).transpose(2, 0, 1)
+    return np.array([[x, none, none, y, z, none], [none, y, none, x, none, z], [none, none, z, none, x, y]]).transpose(
+        2, 0, 1
+    )

@@ -56,7 +56,8 @@ def linearise(
     Args:
         numbers: what is estimated. theta: values of the unknowns where they are not among the numbers.
         like: the same along a trajectory so near that its derivatives hold, unless the model itself has changed.
-        sign: of the speeds for dry friction, where it is known already. rough: the error of the time step counts little.
+        sign: of the speeds for dry friction, where it is known already. rough: the error of the time step counts
+            little.
     """
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
@@ -74,9 +75,7 @@ def linearise(
     left = np.stack([np.nan_to_num(track.measured - base.readings), *(own for _, own in columns)], 2)
     first, spread = _starts(track, states)
     rubbed, advance, reads = _rubbed(plant, slopes)
-    return Linear(
-        plant, base, response, slopes, changes, advance, reads, rubbed @ offsets, left, first, spread, rubbed
-    )
+    return Linear(plant, base, response, slopes, changes, advance, reads, rubbed @ offsets, left, first, spread, rubbed)
 
 
 def _ahead(slopes: Slopes, change: Change) -> np.ndarray:

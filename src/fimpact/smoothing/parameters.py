@@ -50,7 +50,9 @@ class Parameter:
         """From the coordinate to its prior mean, in prior sd."""
         if not np.isfinite(self.spread):
             return 0.0
-        return float(np.log(self.mean / self.value) / self.spread if self._in_logarithms else (self.mean - self.value) / self.sd)
+        return float(
+            np.log(self.mean / self.value) / self.spread if self._in_logarithms else (self.mean - self.value) / self.sd
+        )
 
     @property
     def _in_logarithms(self) -> bool:

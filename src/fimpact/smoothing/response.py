@@ -108,9 +108,7 @@ class Response:
             near = self._under(told)
         found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model))
         nothing = self.nothing()
-        return Change(
-            self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force
-        )
+        return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 
     def _held(self, plant: Plant, told: np.ndarray | None) -> Change | None:
         if self.long or (told is None and not np.array_equal(plant.ctrl, self.plant.ctrl)):

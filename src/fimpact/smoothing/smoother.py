@@ -20,7 +20,7 @@ from fimpact.smoothing.linear import Linear, linearise
 from fimpact.smoothing.parameters import Parameter, parameters, placed_of, theta_of
 from fimpact.smoothing.response import heavier
 from fimpact.smoothing.states import States
-from fimpact.smoothing.step import Solved, solve
+from fimpact.smoothing.step import solve
 from fimpact.smoothing.stretches import stretches
 from fimpact.smoothing.track import Track
 

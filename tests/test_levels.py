@@ -1,0 +1,113 @@
+"""Noise levels move towards the noise that was put in, and no further in a step than they may."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from recorded import ROD, record, rod
+
+from fimpact.deciding import FALL, TRUSTED
+from fimpact.smoothing.filtering import variances
+from fimpact.smoothing.levels import Levels, Pace, moved_by, nearer
+from fimpact.smoothing.prepare import prepare
+from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.step import solve
+from fimpact.smoothing.stretches import stretches
+
+TORQUE = 0.1  # N m, new in each sample
+
+
+@cache
+def pushed() -> Smoothed:
+    """A rod that swings, pushed by a torque that is new in each sample."""
+    hidden = iter(np.repeat(TORQUE * np.random.default_rng(0).standard_normal(200), 5))
+    xml = ROD.replace('<actuator><motor name="motor" joint="pivot"/></actuator>', "")
+
+    def pull(model, data):
+        return np.array([next(hidden)])
+
+    made = prepare(
+        record(xml, ("angle",), [np.zeros((200, 0))], 1e-4, pull=pull, fine=5, starts=[([1.5], [0.0])]), refine=1
+    )
+    return smooth(made.track, made.begun, made.noise)
+
+
+@cache
+def driven() -> Smoothed:
+    """A rod of which nothing is missing."""
+    made = prepare(rod(), refine=1)
+    return smooth(made.track, made.begun, made.noise)
+
+
+def moved(found: Smoothed, levels: Levels, noise: np.ndarray, begun: Levels | None = None, steps: int = 1) -> Levels:
+    """Levels some steps nearer, as a fit at the same trajectory has them."""
+    track, linear, pace = found.track, found.linear, Pace()
+    stretch, begun = stretches(track, found.tau), begun or levels
+    for _ in range(steps):
+        own = solve(track, linear, levels, found.tau, found.numbers, stretch)
+        expected = variances(track, linear, own.filter)[:2]
+        asked = own.adjoint[:, track.space.size :]
+        levels = nearer(levels, begun, asked, own.errors, expected, noise, pace, track)
+    return levels
+
+
+@pytest.mark.parametrize("factor", [0.4, 2.5])
+def test_the_noise_of_readings_goes_to_what_was_put_in(factor):
+    found, truth = driven(), np.array([1e-3])
+    wrong = replace(found.levels, reading=factor * truth)
+    off = [np.abs(np.log(moved(found, wrong, truth, steps=n).reading / truth))[0] for n in (0, 1, 4)]
+    assert off[1] < 0.4 * off[0] and off[2] < 0.08
+
+
+@pytest.mark.parametrize("factor", [0.4, 2.5])
+def test_the_missing_force_goes_to_what_was_put_in(factor):
+    found = pushed()
+    wrong = replace(found.levels, force=np.full_like(found.levels.force, factor * TORQUE))
+    off = [abs(np.log(moved(found, wrong, np.array([1e-4]), steps=n).force[0, 0] / TORQUE)) for n in (0, 1, 8)]
+    assert off[1] < 0.4 * off[0] and off[2] < 0.2
+
+
+def test_a_force_goes_a_factor_at_most_from_where_it_began():
+    found = pushed()
+    for factor in (1e-2, 1e2):
+        wrong = replace(found.levels, force=np.full_like(found.levels.force, factor * TORQUE))
+        ends = moved(found, wrong, np.array([1e-4]), steps=6)
+        assert ends.force[0, 0] == pytest.approx(FALL ** -np.sign(np.log(factor)) * factor * TORQUE)
+
+
+def test_noise_is_not_trusted_to_be_far_from_what_the_samples_show():
+    found, noise = driven(), np.array([1e-3])
+    for shown, end in ((100 * noise, TRUSTED[0]), (1e-2 * noise, TRUSTED[1])):
+        wrong = replace(found.levels, reading=shown)
+        assert moved(found, wrong, shown, steps=6).reading == pytest.approx(end * shown)
+
+
+def test_a_missing_force_is_no_less_than_the_least():
+    found = driven()
+    levels = replace(found.levels, force=np.full((1, 1), 1e-2), least=np.array([9e-3]))
+    assert moved(found, levels, np.array([1e-3]), steps=6).force[0, 0] == 9e-3
+
+
+def test_what_is_annealed_keeps_its_noise():
+    found = driven()
+    wrong = replace(found.levels, reading=np.array([5e-4]), louder=np.array([2.0]))
+    assert moved(found, wrong, np.array([1e-3])).reading[0] == 5e-4
+
+
+def test_the_pace_doubles_while_it_goes_the_same_way():
+    pace, up = Pace(), np.array([0.1, 0.1])
+    np.testing.assert_allclose(pace(up), [0.1, 0.1])
+    np.testing.assert_allclose(pace(up * [1, -1]), [0.2, -0.1])
+    np.testing.assert_allclose(pace(up * [1, -1]), [0.4, -0.2])
+    for _ in range(3):
+        last = pace(up)
+    assert last[0] == pytest.approx(0.8)
+    np.testing.assert_allclose(pace(1e3 * up), np.log(FALL))
+    np.testing.assert_allclose(pace(-up), -up)  # as far as at first, where it has gone too far
+
+
+def test_levels_that_weigh_nothing_do_not_count_as_moving():
+    levels = Levels(np.array([[1.0, 1e-4]]), np.array([1e-4, 1e-4]), np.zeros(3, int), np.ones(1), np.ones(1))
+    assert moved_by(replace(levels, force=np.array([[1.0, 5e-4]])), levels) == 0
+    assert moved_by(replace(levels, force=np.array([[2.0, 5e-4]])), levels) == pytest.approx(np.log(2))

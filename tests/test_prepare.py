@@ -1,0 +1,120 @@
+"""Runs that stand for all of them, and time steps that cost no more than their error is worth."""
+
+from dataclasses import replace
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+from recorded import ROD, record, waves
+
+from fimpact.simulation.simulator import Simulator
+from fimpact.smoothing.prepare import Prepared, prepare, spread_out
+from fimpact.smoothing.response import Response
+from fimpact.smoothing.track import COARSER, FINER, FINEST, Plant, Track
+
+BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
+<body name="ball" pos="0 0 0.3"><freejoint name="free"/><geom name="ball" size="0.05" mass="0.3"/></body></worldbody>
+<sensor><framepos name="place" objtype="xbody" objname="ball"/></sensor></mujoco>"""
+
+
+@cache
+def tossed(refine: int = 1) -> Prepared:
+    """A ball that falls on a floor and bounces."""
+    starts = [([0, 0, 0.2, 1, 0, 0, 0], [0.3, 0, 0, 0, 0, 0])]
+    seen = tuple(f"place[{i}]" for i in range(3))
+    return prepare(record(BALL, seen, [np.zeros((30, 0))], 5e-4, starts=starts, fine=5), refine=refine)
+
+
+@cache
+def driven(refine: int = 1) -> Prepared:
+    return prepare(record(ROD, ("angle",), [waves(50, [0.5], 0)], 1e-3), refine=refine)
+
+
+def plant(made: Prepared) -> tuple[Plant, np.ndarray]:
+    still = np.zeros_like(made.begun.qvel)
+    return made.track.plant((), made.track.simulator.theta, made.begun, still, still + 1e-3), still
+
+
+@pytest.mark.parametrize(
+    ("most", "kept"),
+    [(0, range(9)), (9, range(9)), (20, range(9)), (3, (0, 4, 8)), (2, (0, 8)), (1, (0,)), (5, (0, 2, 4, 6, 8))],
+)
+def test_runs_are_spread_over_all_of_them(most, kept):
+    assert spread_out(tuple("abcdefghi"), most) == tuple("abcdefghi"[i] for i in kept)
+
+
+def test_as_many_runs_are_fitted_as_the_case_asks_for_and_none_that_judges():
+    many = record(ROD, ("angle",), [waves(20, [0.5], i) for i in range(6)], 1e-3)
+    names = [[run.name for run in prepare(replace(many, windows=n), refine=1).track.runs] for n in (0, 3)]
+    assert names == [[f"run_{i}" for i in range(5)], ["run_0", "run_2", "run_4"]]
+    assert [run.name for run in prepare(many, many.held_out, 1).track.runs] == ["run_5"]
+
+
+def test_a_finer_step_is_for_predictions_where_something_may_touch():
+    track = Track(Simulator(tossed().track.recording), tossed().track.runs, finer=4)
+    steps = [model.opt.timestep for model in track.at_steps(track.model)]
+    assert steps == pytest.approx([0.002, 0.0005])
+    alone = Track(track.simulator, track.runs)
+    assert [model.opt.timestep for model in alone.at_steps(track.model)] == [0.002]
+
+
+def test_where_nothing_touches_half_the_step_takes_the_error_out():
+    track = Track(Simulator(driven().track.recording), driven().track.runs, finer=4)
+    assert [model.opt.timestep for model in track.at_steps(track.model)] == pytest.approx([0.005, 0.0025])
+
+
+def test_contact_is_predicted_at_the_finer_step_alone():
+    track, (own, still) = tossed().track, plant(tossed())
+    before = track.steps
+    found = own.step(own.around, still)
+    assert track.steps - before == track.count * track.simulator.substeps * track.finer
+    fine = replace(own, models=own.models[1:]).step(own.around, still)
+    np.testing.assert_array_equal(found.after.qpos, fine.after.qpos)
+    rough = own.plain.step(own.around, still)
+    assert np.abs(found.after.qvel - rough.after.qvel).max() > 1e-3  # a contact feels it
+
+
+def test_a_smooth_motion_is_extrapolated():
+    own, still = plant(driven())
+    found = own.step(own.around, still).after.qvel
+    models = []
+    for finer in (1, 2, 64):
+        model = mujoco.MjModel.from_xml_string(ROD)
+        model.opt.timestep /= finer
+        models.append(replace(own, models=(model,)).step(own.around, still).after.qvel)
+    one, half, truth = models
+    np.testing.assert_allclose(found, 2 * half - one, atol=1e-12)
+    assert np.abs(found - truth).max() < 0.1 * np.abs(half - truth).max()
+
+
+@pytest.mark.parametrize("refine", [1, 4])
+def test_derivatives_are_simulated_at_the_step_that_the_model_has(refine):
+    for made, step in ((tossed(refine), 0.002), (driven(refine), 0.005)):
+        own, still = plant(made)
+        assert own.coarse.model.opt.timestep == pytest.approx(step)
+        assert len(own.coarse.models) == 1
+        track, before = made.track, made.track.steps
+        response = Response(own, made.begun, still)
+        assert len(response.plant.models) == 1
+        response.slopes()
+        simulated = track.space.size + track.model.nv + 1  # and where all of them begin
+        assert track.steps - before == simulated * track.count * round(track.period / step)
+
+
+def test_contact_has_a_step_for_differences_and_a_finer_one_for_predictions():
+    for refine in (1, 2, 8, FINEST):
+        track = tossed(refine).track
+        fine = track.simulator.refine * track.finer
+        assert fine == min(FINER * refine, FINEST)
+        assert track.simulator.refine == max(1, min(refine, fine // COARSER))
+    assert driven(8).track.finer == 1 and driven(8).track.simulator.refine == 8
+
+
+def test_a_step_is_as_fine_as_its_error_asks_for():
+    """A rod that swings freely takes a coarse one, a stiff servo a fine one."""
+    servo = ROD.replace('<motor name="motor" joint="pivot"/>', '<position name="s" joint="pivot" kp="60" kv="0.3"/>')
+    commands = [waves(60, [0.5], 0)]
+    made = [prepare(record(xml, ("angle",), commands, 1e-5)) for xml in (ROD, servo)]
+    refines = [own.track.simulator.refine for own in made]
+    assert refines[0] < refines[1] <= FINEST

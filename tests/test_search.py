@@ -1,0 +1,200 @@
+"""A search takes what is surely better, begins compounds everywhere, and ends where it has cost enough."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from recorded import rod
+
+from fimpact.deciding import BELIEF, NOTHING, SHARE, TYPICAL
+from fimpact.effects import EFFECTS
+from fimpact.selection import forward
+from fimpact.selection.forward import Search, explain
+from fimpact.selection.options import Option
+from fimpact.selection.regression import Estimate, Regression
+from fimpact.selection.search import Trial, attempt, search
+from fimpact.smoothing.columns import Candidate, Columns
+from fimpact.smoothing.prepare import prepare
+
+COUNT, LENGTH = 1000, 25  # samples, and samples in a stretch
+
+
+def candidate(effect: str, site: str, sd: float = 1.0) -> Candidate:
+    return Candidate(EFFECTS[effect], site, {}, ("size",), (sd,), (False,), {}, {})
+
+
+def regression(planted: dict[int, float], columns: np.ndarray, noise: float = 1.0, servos: bool = False) -> Regression:
+    """Data that hold so much of some `columns`, (N, c), and white noise; of each column, a candidate at a joint."""
+    rng, count = np.random.default_rng(0), columns.shape[1]
+    data = noise * rng.standard_normal(COUNT) + sum(size * columns[:, i] for i, size in planted.items())
+    rows = np.concatenate([data[:, None], columns], 1)[:, None]
+    model = SimpleNamespace(actuator_biasprm=np.tile([0.0, -float(servos), 0.0], (1, 1)))
+    track = SimpleNamespace(count=COUNT, model=model, slices=lambda: [slice(0, COUNT)])
+    smoothed = SimpleNamespace(numbers=(), track=track, tau=rng.standard_normal((COUNT, 1)))
+    tried = tuple(candidate("viscous", f"j{i}") for i in range(count))
+    return Regression(smoothed, Columns(rows, rows, tried, tuple((i, 0) for i in range(count))))
+
+
+def white(count: int) -> np.ndarray:
+    return np.random.default_rng(1).standard_normal((COUNT, count))
+
+
+def alone(count: int) -> list[Option]:
+    return [Option(f"viscous@j{i}", 1, (i,)) for i in range(count)]
+
+
+def found(own: Regression, offered: list[Option]):
+    return search(own, offered, (own.columns.forces[:, :, 0] ** 2).sum(0), SHARE)
+
+
+def tried(own: Regression, option: Option) -> Trial | None:
+    now = own.proper(range(own.p))
+    missing = (own.columns.forces[:, :, 0] ** 2).sum(0)
+    return attempt(own, now, own.errors(now), own.forces_left(now), missing, option)
+
+
+@pytest.mark.parametrize(("size", "qualifies"), [(0.5, False), (0.95, False), (1.05, True), (2.0, True)])
+def test_what_is_next_to_nothing_of_its_prior_does_not_qualify(size, qualifies):
+    """Hardly any noise: however little, it would be certain."""
+    column = 1e3 * white(1)
+    own = regression({0: size * NOTHING}, column, 1e-3)
+    assert (tried(own, alone(1)[0]) is not None) == qualifies
+    chosen = found(own, alone(1)).chosen
+    assert (chosen is not None) == qualifies
+    assert not qualifies or chosen.estimate.values[0] == pytest.approx(size * NOTHING, rel=1e-3)
+
+
+def test_a_compound_is_something_where_one_of_it_is():
+    columns = 1e3 * white(2)
+    own = regression({0: 0.2 * NOTHING, 1: 3 * NOTHING}, columns, 1e-3)
+    assert tried(own, Option("both", 1, (0, 1), True)) is not None
+    assert tried(own, alone(2)[0]) is None
+
+
+def test_what_does_nothing_is_not_chosen():
+    own = regression({}, white(3))
+    result = found(own, alone(3))
+    assert result.chosen is None and len(result.tried) == 3
+
+
+def test_a_gain_is_sure_less_its_error():
+    trial = Trial(alone(1)[0], Estimate((), np.zeros(0), 0.0, np.zeros((5, 0))), 0.0, 10.0, 3.0, 1.0, 0, np.zeros(1))
+    assert trial.sure == 10 - BELIEF * 3
+    assert replace(trial, gain=9.0, error=1.0).sure > trial.sure
+
+
+def bursts() -> np.ndarray:
+    """A column that is everywhere, and one that is loud in a few stretches and nowhere else."""
+    columns = white(2)
+    loud = np.isin(np.arange(COUNT) // LENGTH % 10, (4,))
+    columns[:, 1] *= np.where(loud, 10.0, 0.1)
+    return columns
+
+
+def test_what_gains_surely_comes_before_what_gains_more_here_and_there():
+    own = regression({0: 0.6, 1: 0.27}, bursts())
+    result = found(own, alone(2))
+    everywhere, burst = (next(t for t in result.tried if t.option.members == (i,)) for i in (0, 1))
+    assert burst.gain > everywhere.gain > 0 and burst.error > everywhere.error
+    assert [t.sure for t in result.tried] == sorted((t.sure for t in result.tried), reverse=True)
+    assert result.tried[0] is everywhere
+    assert result.chosen.option is everywhere.option
+
+
+def test_of_what_is_as_good_the_earlier_in_the_engineers_order_is_chosen():
+    columns = white(1) @ np.ones((1, 2)) + 1e-3 * np.random.default_rng(2).standard_normal((COUNT, 2))
+    own = regression({0: 0.5}, columns)
+    offered = [replace(option, order=order) for option, order in zip(alone(2), (3, 1), strict=True)]
+    result = found(own, offered)
+    assert result.chosen.option is offered[1]
+    assert [trial.option for trial, _ in result.rivals] == [offered[0]]
+    assert result.rivals[0][1] == pytest.approx(1, abs=0.5)
+
+
+def test_of_what_is_as_good_and_as_early_the_simpler_is_chosen():
+    own = regression({0: 0.5, 1: 0.025}, white(2))
+    offered = [Option("both", 1, (0, 1)), alone(2)[0]]
+    result = found(own, offered)
+    assert result.tried[0].option is offered[0]  # by a hair
+    assert result.chosen.option is offered[1]
+
+
+@pytest.mark.parametrize(("servos", "name"), [(True, "drive"), (False, "viscous@j2")])
+def test_under_servos_the_compound_comes_first(servos, name):
+    """However far it is behind, as long as it is more than chance; else what is likelier by far."""
+    own = regression({0: 0.3, 1: 0.3, 2: 0.8}, white(3), servos=servos)
+    result = found(own, [Option("drive", 0, (0, 1), True), *alone(3)])
+    assert result.tried[0].option.name == "viscous@j2"
+    assert result.chosen.option.name == name
+
+
+def test_what_added_nothing_to_a_class_is_dropped_from_it():
+    own = regression({0: 0.5}, white(2))
+    result = found(own, [Option("all joints", 1, (0, 1))])
+    assert result.chosen.estimate.kept == (0,)
+
+
+# ---- compounds
+
+
+def whole(coupled: bool, option: Option, kept: dict[int, float]) -> Trial:
+    """`Search.whole` of a trial in which these columns were kept, after one number of the fit."""
+    members = [candidate("coulomb", "a", 2.0), candidate("coulomb", "b", 8.0), candidate("viscous", "a", 0.1)]
+    members.append(candidate("viscous", "other", 0.05))
+    columns = SimpleNamespace(candidates=members, owners=tuple((i, 0) for i in range(len(members))))
+    estimate = Estimate(tuple(kept), np.array(list(kept.values())), 0.0, np.zeros((5, len(kept))))
+    trial = Trial(option, estimate, 0.0, 1.0, 0.1, 1.0, 0, np.zeros(1))
+    state = object.__new__(Search)
+    state.coupled = coupled
+    return state.whole(trial, SimpleNamespace(p=1, columns=columns))
+
+
+DRIVES = Option("geared drive", 0, (0, 1, 2), True)
+
+
+def test_a_compound_begins_with_all_of_its_members_where_one_alone_goes_wrong():
+    begun = whole(True, DRIVES, {0: 0.3, 1: 0.9}).estimate
+    values = dict(zip(begun.kept, begun.values, strict=True))
+    assert values[0] == 0.3  # the number of the fit
+    assert values[1] == 0.9  # what the regression says, where that is more
+    assert values[2] * 8.0 == pytest.approx(TYPICAL * 2.0)  # the size that is typical where it is least
+    assert values[3] == pytest.approx(TYPICAL)
+    assert 4 not in values  # no member, though its prior is the least
+
+
+def test_a_member_that_is_less_than_typical_begins_there():
+    begun = whole(True, DRIVES, {0: 0.3, 1: 1e-3, 2: 2.0}).estimate
+    values = dict(zip(begun.kept, begun.values, strict=True))
+    assert values[1] == pytest.approx(TYPICAL) and values[2] == 2.0
+
+
+@pytest.mark.parametrize(("coupled", "option"), [(False, DRIVES), (True, replace(DRIVES, compound=False))])
+def test_what_goes_wrong_nowhere_or_is_one_kind_begins_where_the_regression_has_it(coupled, option):
+    begun = whole(coupled, option, {0: 0.3, 1: 0.9}).estimate
+    assert begun.kept == (0, 1)
+
+
+# ---- the budget
+
+
+@pytest.mark.parametrize(("rounds", "names"), [(0, []), (1, ["coulomb@pivot"])])
+def test_the_budget_ends_a_search(monkeypatch, rounds, names):
+    made, asked = prepare(rod(0.15), refine=1), []
+    plain, begun = Search.round, Search.__init__
+
+    def counted(self, small=False):
+        asked.append(self.spent)
+        return plain(self, small)
+
+    def narrow(self, *args):
+        begun(self, *args)
+        monkeypatch.setattr(forward, "BUDGET", self.spent + (1.0 if rounds else 0.0))
+
+    monkeypatch.setattr(Search, "round", counted)
+    monkeypatch.setattr(Search, "__init__", narrow)
+    result = explain(made.track, made.begun, made.noise, [EFFECTS["coulomb"], EFFECTS["viscous"]])
+    assert len(asked) == rounds == len(result.rounds)
+    assert [law.name for law in result.final.placed] == names
+    assert (result.final is result.naive) == (not rounds)
+    assert made.track.quanta > forward.BUDGET or not rounds
