@@ -103,7 +103,12 @@ def _fit(displacement: float, seen: float, converged: bool = True):
     placed = (Placed(EFFECTS["dahl"], "joint_2", {}),)
     loss = np.log(100.0 * seen) / 2  # its volume: what is not seen makes it small
     return SimpleNamespace(
-        numbers=numbers, placed=placed, information=np.diag([100.0, seen]), loss=loss, converged=converged
+        numbers=numbers,
+        placed=placed,
+        information=np.diag([100.0, seen]),
+        loss=lambda _: loss,
+        dispersion=1.0,
+        converged=converged,
     )
 
 

@@ -46,7 +46,9 @@ CASE = (
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()
-SMOOTHER = "filtering kalman laws linear parameters prepare smoother states track".split()
+SMOOTHER = (
+    "filtering inverse kalman laws levels linear parameters prepare response rubbing smoother states step stretches track"
+).split()
 PROOF = ["quiet", "deciding", "recordings", "units", "diagnosis/freed", "diagnosis/proof"]
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
 PROOF += [f"effects/{name}" for name in "base drives gears native sites".split()]

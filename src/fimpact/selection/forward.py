@@ -177,15 +177,18 @@ class Search:
 
     def _among_rivals(self, regression: Regression, found: Round, best: Smoothed) -> Smoothed:
         """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
-        # Classes of many places are told apart by what they predict; one-place names, near the noise, by refits.
-        rivals = [t for t, _ in found.rivals][:RIVALS] if len(found.chosen.places) == 1 else []
-        fits = [best] + [self.refitted(regression, t) for t in rivals]
+        # The compound stands for many kinds, which are told apart by what they predict; others are by refits.
+        rivals = [] if found.chosen.option.compound else found.rivals[:RIVALS]
+        fits = [best] + [self.refitted(regression, trial) for trial, _ in rivals]
         spread = regression.dispersion
         losses = np.array([fit.loss(spread) if fit.converged else np.inf for fit in fits])
         losses = np.where(np.isfinite(losses), losses, np.inf)
         weights = np.exp(losses.min() - losses) if np.isfinite(losses.min()) else np.ones(len(fits))
         as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
         first = min(as_good, key=lambda i: (len(fits[i].numbers), i))
+        # A refit that did not converge says nothing against its name: there stands what the regression says.
+        for i, (_, weight) in enumerate(rivals, 1):
+            weights[i] = weights[i] if np.isfinite(losses[i]) else weight * weights[first]
         self.alternatives = [
             Alternative(fit.placed, fit.theta, float(w / weights[first]))
             for i, (fit, w) in enumerate(zip(fits, weights, strict=True))

@@ -79,6 +79,12 @@ class Regression:
         loss += values @ prior @ values - 2 * pull @ values
         return Estimate(kept, values, float(loss), np.array(folds))
 
+    def tension(self, found: Estimate) -> float:
+        """Squared distance of the values of `found` from their priors, in sd, but for a constant; in the units of
+        `errors`."""
+        kept, values = list(found.kept), found.values
+        return float(self.dispersion * (values**2 @ self.weight[kept] - 2 * self.pull[kept] @ values))
+
     def proper(self, kept: Sequence[int]) -> Estimate:
         """`solve` without the columns whose estimate has a sign that physics forbids."""
         kept = list(kept)

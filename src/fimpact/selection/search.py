@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from scipy import stats
 
-from fimpact.deciding import BELIEF, NOTHING, P_ALARM, TIED, UNLIKELY
+from fimpact.deciding import BELIEF, P_ALARM, TIED, UNLIKELY
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, chance
 from fimpact.smoothing.smoother import inverse_of_push
@@ -23,8 +23,9 @@ class Trial:
     """One option tried beside what is in.
 
     p: chance of its gain over all that was tried. gain, error: predicted on stretches that were not fitted, in squared
-    innovations, and its standard error. share, place: largest share of the missing force that it takes away, and the
-    degree of freedom where. errors: (stretches,) squared innovations left. places: ``effect@site`` of what is kept.
+    innovations, with what is nearer to the priors, and its standard error. share, place: largest share of the missing
+    force that it takes away, and the degree of freedom where. errors: (stretches,) squared innovations left. places:
+    ``effect@site`` of what is kept.
     """
 
     option: Option
@@ -62,7 +63,7 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     now = regression.proper(range(regression.p))
     errors, forces = regression.errors(now), regression.forces_left(now)
     tried = [attempt(regression, now, errors, forces, missing, option) for option in offered]
-    tried = sorted((t for t in tried if t), key=lambda t: -t.sure)
+    tried = sorted((t for t in tried if t), key=lambda t: -t.gain)
     likely = [t for t in tried if t.p < P_ALARM and t.gain > 0 and t.share > floor]
     good = [t for t in likely if t.sure > 0]
     if not good:
@@ -71,7 +72,7 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     allowed = {True: np.inf if has_servos(regression.smoothed.track.model) else -2 * np.log(UNLIKELY), False: TIED}
     sure = {t.option for t in good}
     tied = [t for t, own in behind if t.option in sure and own < allowed[t.option.compound]]
-    chosen = min(tied, key=lambda t: (t.option.order, len(t.estimate.kept), -t.sure))
+    chosen = min(tied, key=lambda t: (t.option.order, len(t.estimate.kept), -t.gain))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t.option is not chosen.option]
     rivals = sorted((pair for pair in weights if pair[1] > UNLIKELY), key=lambda pair: -pair[1])
@@ -90,17 +91,20 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     own = [regression.p + i for i, (owner, _) in enumerate(owners) if owner in option.members]
     found = regression.proper([*now.kept, *own]) if own else now
     added = len(set(found.kept) - set(now.kept))
-    if not added or np.abs(found.values[len(now.kept) :]).max(initial=0.0) < NOTHING:
+    if not added:
         return None
     gain, dispersion = regression.gain(now, found)
     p = min(1.0, chance(gain, dispersion, added) * regression.independent)
     left = regression.errors(found)
     taken = (forces - regression.forces_left(found)).sum(0) / np.maximum(missing, 1e-300)
     place, better = int(np.argmax(taken)), errors - left
+    # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
+    relief = regression.tension(now) - regression.tension(found)
+    share = 1.0 if relief > better.sum() and relief > 0 else float(taken[place])
     error = float(better.std() * np.sqrt(len(better)))
     names = [regression.columns.candidates[owners[c - regression.p][0]].name for c in found.kept if c >= regression.p]
     places = tuple(dict.fromkeys(names))
-    return Trial(option, found, p, float(better.sum()), error, float(taken[place]), place, left, places)
+    return Trial(option, found, p, float(better.sum()) + relief, error, share, place, left, places)
 
 
 def backward(regression: Regression, before: Estimate, found: Estimate) -> Estimate:
