@@ -118,4 +118,4 @@ def _placed(prepared: Prepared, scales: Scales, name: str, values: dict) -> tupl
         return Placed(effect, site, dict(values)), {}
     first = offered[0]
     own = {**effect.neutral, **values}
-    return Placed(effect, site, own, first.sizes, first.ranges), dict(zip(first.names, first.sd, strict=True))
+    return Placed(effect, site, own, first.sizes, first.ranges), first.priors

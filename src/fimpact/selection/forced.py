@@ -28,7 +28,7 @@ def fit_forced(
         own = [i for i, c in enumerate(offered) if c.effect.name == effect.name and c.site == site]
         best = max(own, key=lambda i: _explained(regression, i))
         placed.append(_begun(regression, best, offered[best], scales))
-        priors.append(dict(zip(offered[best].names, offered[best].sd, strict=True)))
+        priors.append(offered[best].priors)
     return smooth(prepared.track, prepared.begun, prepared.noise, placed, priors, naive, progress=progress)
 
 

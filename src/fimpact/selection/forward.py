@@ -128,7 +128,8 @@ class Search:
         if found.chosen is None:
             self.rounds += [] if self.tries > 1 or self.rounds else [found]
             return False
-        chosen, others = found.chosen, self.alternatives
+        chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
+        self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
         best = self.refitted(regression, self.whole(chosen, regression))
         best = best if small else self._among_rivals(regression, found, best)
@@ -139,6 +140,8 @@ class Search:
             return self.misses < MISSES
         self.current, self.misses = best, 0
         self.rounds.append(found)
+        added = tuple(p for p in best.placed if p.name not in known)
+        self.alternatives += [replace(a, placed=(*a.placed, *added)) for a in others]
         self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in best.placed}
         return True
 
@@ -216,7 +219,7 @@ class Search:
                 known = [c.name for c in law.effect.coefficients if not c.shape]
                 size = float(np.mean([law.values[name] for name in known]))
                 own = list(zip(fit.placed, fit.priors, strict=True))
-                own[place] = candidate.placed([size]), dict(zip(candidate.names, candidate.sd, strict=True))
+                own[place] = candidate.placed([size]), candidate.priors
                 placed, priors = zip(*own, strict=True)
                 found = smooth(self.track, self.begun, self.noise, placed, priors, fit, progress=self.progress)
                 if found.converged and found.loss(fit.dispersion) < fit.loss(fit.dispersion) + TIED:
@@ -264,7 +267,7 @@ def _begun(regression: Regression, trial: Trial) -> tuple[tuple[Placed, ...], tu
         candidate = regression.columns.candidates[owner]
         amplitudes = [own.get(i, 0.0) * sd for i, sd in enumerate(candidate.sd)]
         placed.append(_within(candidate.placed(amplitudes)))
-        priors.append(dict(zip(candidate.names, candidate.sd, strict=True)))
+        priors.append(candidate.priors)
     return tuple(placed), tuple(priors)
 
 

@@ -74,7 +74,11 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     tied = [t for t, own in behind if t.option in sure and own < allowed[t.option.compound]]
     chosen = min(tied, key=lambda t: (t.option.order, len(t.estimate.kept), -t.gain))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
-    weights = [(t, float(np.exp(-own / 2))) for t, own in behind if t.option is not chosen.option]
+    seen, weights = {frozenset(chosen.estimate.kept)}, []
+    for trial, own in behind:  # a class of which one member is left is that member
+        if frozenset(trial.estimate.kept) not in seen:
+            seen.add(frozenset(trial.estimate.kept))
+            weights.append((trial, float(np.exp(-own / 2))))
     rivals = sorted((pair for pair in weights if pair[1] > UNLIKELY), key=lambda pair: -pair[1])
     return Round(chosen, tuple(rivals), tuple(tried))
 

@@ -29,7 +29,8 @@ SMALL = 1e-2  # share of its prior at which a linear effect is tried: in contact
 @dataclass(frozen=True)
 class Candidate:
     """An effect at a site with one choice of its shapes. names: its amplitudes; sd, positive: of each, prior standard
-    deviation and whether physics forbids less than nothing. sizes, ranges: of its values (`Placed`)."""
+    deviation and whether physics forbids less than nothing. sizes, ranges: of its values (`Placed`).
+    priors: sd of its amplitudes in their own units."""
 
     effect: Effect
     site: str
@@ -39,6 +40,7 @@ class Candidate:
     positive: tuple[bool, ...]
     sizes: dict[str, float]
     ranges: dict[str, tuple[float, float]]
+    priors: dict[str, float]
 
     @property
     def name(self) -> str:
@@ -95,9 +97,10 @@ def at(effect: Effect, site: str, model: mujoco.MjModel, scales: Scales) -> list
         names = tuple(c.name for c in moving)
         sd = tuple(float(prior.get(c.name) or sizes[c.name] or 1.0) for c in moving)
         positive = tuple(c.low >= effect.neutral[c.name] for c in moving)
+        priors = dict(zip(names, sd, strict=True))
         if not effect.linear:  # one column: so many times the effect at this choice of all its values
             names, sd, positive = names[:1], (1.0,), (True,)
-        found.append(Candidate(effect, site, own, names, sd, positive, sizes, ranges))
+        found.append(Candidate(effect, site, own, names, sd, positive, sizes, ranges, priors))
     return found
 
 
