@@ -197,7 +197,6 @@ def test_a_coarse_time_step_is_nothing_that_is_missing():
     assert names(explained(coarse, suspects=ON_ONE_JOINT)) == set()
 
 
-@pytest.mark.xfail(reason="a limit leaves the naive mass wrong, and then seems to be exceeded: field case 17")
 def test_a_torque_limit_is_found_where_it_is():
     found = explained(limited, suspects=ON_ONE_JOINT)
     assert names(found) == {"saturation@s1"}
