@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, TYPICAL, UNLIKELY
+from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, TRUST, TYPICAL, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.classes import DRIVE
 from fimpact.selection.options import options
@@ -103,7 +103,8 @@ class Search:
         if trial is None:
             return
         self.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
-        best = self.pruned(self.refitted(regression, self.whole(trial, regression)), self.missing, False)
+        best = self.alike(self.refitted(regression, self.whole(trial, regression)))
+        best = self.pruned(best, self.missing, False)
         spread = regression.dispersion
         if best.converged and best.placed and best.loss(spread) < self.current.loss(spread):
             self.current, self.hint = best, trial.p
@@ -111,6 +112,22 @@ class Search:
             self.failed.add(trial.option.name)
         else:
             self.dropped.clear()
+
+    def alike(self, fit: Smoothed) -> Smoothed:
+        """`fit`, or the likelier one that begins with what lies far from its like at other joints in their midst: the
+        same motors and gears sit at every joint, and a light one has optima of its own far below."""
+        values: dict[str, list[float]] = {}
+        for law in fit.placed:
+            values.setdefault(law.effect.name, []).append(law.values[law.effect.coefficients[0].name])
+        placed = []
+        for law in fit.placed:
+            name, midst = law.effect.coefficients[0].name, float(np.median(values[law.effect.name]))
+            far = not midst / TRUST <= law.values[name] <= midst * TRUST
+            placed.append(replace(law, values=law.values | {name: midst}) if far else law)
+        if tuple(placed) == fit.placed:
+            return fit
+        other = smooth(self.track, self.begun, self.noise, placed, fit.priors, fit, progress=self.progress)
+        return other if other.converged and (not fit.converged or other.loss() < fit.loss()) else fit
 
     def round(self, small: bool = False) -> bool:
         """Choose and refit; False where nothing qualifies."""
