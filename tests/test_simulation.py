@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from fimpact.deciding import ASTRAY
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Run, Unknown
 from fimpact.simulation import horizon
 from fimpact.simulation.horizon import (
-    REACH,
     Starts,
     errors,
     fit_starts,
@@ -352,7 +352,7 @@ def test_a_wrong_model_buys_no_start_that_nobody_has_seen():
     own = replace(window_starts(windows, starts), sd=np.full((len(windows.first), 2), 0.005))
     fit = fit_windows(simulator, Hypothesis(simulator.theta), windows, own, noise)
     far = np.sqrt(np.mean((fit.change / own.sd) ** 2, axis=1))
-    assert np.all(far < 1.001 * REACH) and far.max() > 0.9 * REACH  # it would go on
+    assert np.all(far < 1.001 * ASTRAY) and far.max() > 0.9 * ASTRAY  # it would go on
     assert np.all((fit.left**2).sum(1) > 100 * fit.left.shape[1])  # and is seen to be wrong
 
 

@@ -28,4 +28,5 @@ BUDGET = 400.0  # simulations of all samples: what is not found by then is told 
 TYPICAL = 0.5  # of the prior sd of such parts, where it is least: there a compound begins
 
 # Telling
+ASTRAY = 3.0  # sd, root mean square over its coordinates, from what is known of a start: no model may buy one farther
 LOUD = 0.2  # of the force applied: a remainder is told beyond it

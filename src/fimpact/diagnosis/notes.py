@@ -3,6 +3,7 @@
 import numpy as np
 
 from fimpact.deciding import BELIEF
+from fimpact.effects.base import words
 from fimpact.selection.forward import Explanation
 from fimpact.smoothing.prepare import Prepared
 
@@ -17,7 +18,7 @@ def notes_on(prepared: Prepared, found: Explanation) -> list[str]:
         notes.append("The naive model's fit did not converge: take the numbers with care.")
     if len(track.runs) == 1:
         notes.append("Only one run was fitted: how much the numbers vary from run to run is not known.")
-    far = [n.of for n in found.final.numbers if n.place < 0 and abs(n.away) > BELIEF]
+    far = [words(n.of) for n in found.final.numbers if n.place < 0 and abs(n.away) > BELIEF]
     if far:
         notes.append(
             f"{', '.join(far[:3])}{' and others' if len(far) > 3 else ''}: fitted more than two standard deviations "

@@ -25,7 +25,7 @@ from fimpact.units import channel_unit
 
 HORIZONS = 6  # at most, of the ladder
 FINER = 4  # times as many steps in a proof as in a fit, at most
-MOVED = 0.05  # of a model's error: steps that change less than that are fine enough
+CHANGED = 0.05  # of a model's error: steps that change less than that are fine enough
 FEW = 4  # windows in which that is tried
 QUICK = 1.0  # s: the horizon by which runs are compared where a case names none
 
@@ -132,7 +132,7 @@ def _refined(models: Mapping[str, tuple[Simulator, Hypothesis]], fits: dict[str,
     """
     twice = {name: (_finer(simulator, 2), hypothesis) for name, (simulator, hypothesis) in models.items()}
     moved, factor = max((step_error(fits[name][-1], *own, FEW) for name, own in twice.items()), default=0.0), 1
-    while moved > MOVED and factor < FINER:
+    while moved > CHANGED and factor < FINER:
         moved, factor = moved / 2, 2 * factor  # of the first order
     if factor == 1:
         return fits

@@ -108,7 +108,7 @@ class Search:
         spread = regression.dispersion
         if best.converged and best.placed and best.loss(spread) < self.current.loss(spread):
             self.current, self.hint = best, trial.p
-            self.rounds.append(replace(found, chosen=trial, tried=found.tried))
+            self.rounds.append(replace(found, chosen=trial))
             self.failed.add(trial.option.name)
         else:
             self.dropped.clear()

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from fimpact.deciding import ASTRAY
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import DIVERGED, Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut, spread
@@ -22,7 +23,6 @@ STEPS = 3  # of Gauss-Newton, at most
 SETTLED = 1e-3  # of the cost: less than that is no further step worth
 STRAIGHT = 1e-2  # of the cost: a step that ends this near to what its slopes foretold needs no second one
 HALVINGS = 2  # of a step that makes things worse
-REACH = 3.0  # sd, root mean square over its coordinates: no start is farther from what is known of it
 HEAVIEST, PARTS = 20, 30  # decades of the prior's weight in which that is sought, halved so often
 ROUND_OFF = 1e-10  # of a slope's own square: what keeps a singular problem solvable
 NUDGE = 0.05  # of the sd of a start: the step of differences, within
@@ -240,7 +240,7 @@ def _stepped(fit: Fit, simulator: Simulator, hypothesis: Hypothesis) -> tuple[Fi
 
 
 def _gauss_newton(fit: Fit) -> np.ndarray:
-    """The step, (w, n), of each window that ends within `REACH`; none where one of its simulations diverged.
+    """The step, (w, n), of each window that ends within `ASTRAY`; none where one of its simulations diverged.
 
     Where it would end farther away, the prior is given as much more weight as it takes.
     """
@@ -259,7 +259,7 @@ def _gauss_newton(fit: Fit) -> np.ndarray:
         ]
 
     def far(weight: np.ndarray) -> np.ndarray:
-        return (((own + step(weight)) * sure) ** 2).sum(1) > REACH**2 * known.sum(1)
+        return (((own + step(weight)) * sure) ** 2).sum(1) > ASTRAY**2 * known.sum(1)
 
     low, high = np.zeros(len(own)), np.where(far(np.ones(len(own))), float(HEAVIEST), 0.0)
     for _ in range(PARTS if high.any() else 0):
