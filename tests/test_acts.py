@@ -92,7 +92,7 @@ def test_side_by_side_is_one_by_one(second, most, monkeypatch):
     def alone(law):
         still = np.zeros((track.count, 4))
         gear = law.effect.enters == "gear"
-        return force_of(track, law, states, tau, doubt), reading_of(track, law, states, tau, still) if gear else still
+        return force_of(track, law, states, tau, doubt), reading_of(track, law, states, still) if gear else still
 
     for law, (force, read) in zip(laws, acts_of(track, laws, states, tau, doubt), strict=True):
         expected, change = alone(law)
@@ -124,7 +124,7 @@ def test_a_gear_acts_as_in_a_simulation(second):
             read[:, np.isin(track.simulator.columns, own)] += lead[:, None]
         scale = max(1, np.abs(pull).max())
         np.testing.assert_allclose(force[:, dof], pull, atol=1e-10 * scale, err_msg=law.name)
-        np.testing.assert_allclose(reading_of(track, law, states, tau, np.zeros_like(read)), read, atol=1e-10)
+        np.testing.assert_allclose(reading_of(track, law, states, np.zeros_like(read)), read, atol=1e-10)
 
 
 def test_one_walk_for_all_gears_of_a_kind_and_one_for_the_rigid_one():
@@ -142,7 +142,7 @@ def test_one_walk_for_all_gears_of_a_kind_and_one_for_the_rigid_one():
     assert asked == [6 * pieces] * walk + [2 * pieces] * walk
     asked.clear()
     force_of(track, laws[0], states, tau, doubt)
-    reading_of(track, laws[0], states, tau, np.zeros((track.count, 4)))
+    reading_of(track, laws[0], states, np.zeros((track.count, 4)))
     assert asked == [pieces] * walk
     force_of(track, laws[1], states, tau, doubt)
     force_of(track, laws[1], replace(states), tau, doubt)

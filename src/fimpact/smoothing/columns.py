@@ -214,8 +214,8 @@ class _Maker:
 
     def _measurement(self, placed: Placed) -> Change:
         base = self.smoothed.linear.base.readings
-        states, tau = self.smoothed.states, self.smoothed.tau
-        return replace(self.response.nothing(), readings=reading_of(self.track, placed, states, tau, base) - base)
+        read = reading_of(self.track, placed, self.smoothed.states, base, self.smoothed.surprise)
+        return replace(self.response.nothing(), readings=read - base)
 
 
 def motion_scales(smoothed: Smoothed) -> Scales:

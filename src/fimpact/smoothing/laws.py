@@ -56,15 +56,23 @@ def force_of(track: "Track", placed: Placed, states: States, tau: np.ndarray, do
     return _forces(track, [placed], states, tau, doubt)[0]
 
 
-def reading_of(track: "Track", placed: Placed, states: States, tau: np.ndarray, readings: np.ndarray) -> np.ndarray:
-    """Readings, (N, ny), as `placed` changes them."""
+def reading_of(
+    track: "Track", placed: Placed, states: States, readings: np.ndarray, surprise: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Readings, (N, ny), as `placed` changes them.
+
+    Args:
+        surprise: (N, ny), what they hold beyond what readings before them foretold. A sensor of acceleration shows the
+            missing force itself, so that its smoothed reading holds its own noise, which no law may be fitted to.
+    """
     if placed.effect.enters == "gear":
         return readings + _gear(track, placed, states)[1]
     if placed.effect.enters != "measurement":
         return readings
-    padded = track.padded(readings)
+    foretold = readings - surprise
+    padded = track.padded(foretold)
     signal = track.simulator.commands.signal(track.windows, padded.shape[1], track.period)
-    return track.flat(placed.effect.law(padded, signal, placed.site, **placed.values))
+    return track.flat(placed.effect.law(padded, signal, placed.site, **placed.values)) + (readings - foretold)
 
 
 def acts_of(

@@ -50,6 +50,7 @@ def linearise(
     like: Linear | None = None,
     sign: np.ndarray | None = None,
     rough: bool = False,
+    surprise: np.ndarray | float = 0.0,
 ) -> Linear:
     """Linearise every sample.
 
@@ -57,11 +58,11 @@ def linearise(
         numbers: what is estimated. theta: values of the unknowns where they are not among the numbers.
         like: the same along a trajectory so near that its derivatives hold, unless the model itself has changed.
         sign: of the speeds for dry friction, where it is known already. rough: the error of the time step counts
-            little.
+            little. surprise: as in `laws.reading_of`.
     """
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
-    plant = track.plant(placed, theta, states, tau, doubt, sign)
+    plant = track.plant(placed, theta, states, tau, doubt, sign, surprise)
     kept = like is not None and like.slopes.hold(plant.model)
     response = Response(plant, states, tau, like.response.inverse if kept else None)
     slopes = like.slopes if kept else response.slopes()
@@ -91,7 +92,7 @@ def _moved(response: Response, numbers, placed, index: int, doubt, sign) -> Chan
     number = numbers[index]
     value = number.value * np.exp(number.nudge) if number.log else number.value + number.nudge
     changed = [replace(n, value=value) if i == index else n for i, n in enumerate(numbers)]
-    own = response.states, response.tau, doubt, sign
+    own = response.states, response.tau, doubt, sign, response.plant.surprise
     plant = response.track.plant(placed_of(changed, placed), theta_of(changed), *own)
     return response(plant).scaled(1 / number.nudge)
 

@@ -129,7 +129,7 @@ class Response:
         for placed in (laws, own):
             readings = raw
             for law in placed:
-                readings = reading_of(self.track, law, self.states, self.tau, readings)
+                readings = reading_of(self.track, law, self.states, readings, plant.surprise)
             ends.append(readings)
         return ends[0] - ends[1]
 

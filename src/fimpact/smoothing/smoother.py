@@ -34,9 +34,9 @@ INNER = 4  # updates of the noise levels between two linearisations
 class Smoothed:
     """A trajectory, the force that the model lacks along it, and the numbers estimated with them.
 
-    tau: missing force, (N, nv), its posterior mean; doubt: posterior sd of the speeds, (N, nv). information: (p, p) of
-    the coordinates of `numbers`, with their prior. dispersion: by how much the data count less than white noise would.
-    chi2: of `count` innovations; fit, cost: minus the logarithms of likelihood and of prior by posterior. still: how
+    tau: missing force, (N, nv), its posterior mean; doubt: posterior sd of the speeds, (N, nv). surprise: (N, ny), as
+    in `laws.reading_of`. information: (p, p) of the coordinates of `numbers`, with their prior. dispersion: by how much
+    the data count less than white noise would. chi2: of `count` innovations; fit, cost: minus the logarithms of likelihood and of prior by posterior. still: how
     far the last step moved a reading, in sd.
     """
 
@@ -47,6 +47,7 @@ class Smoothed:
     states: States
     tau: np.ndarray
     doubt: np.ndarray
+    surprise: np.ndarray
     levels: Levels
     linear: Linear
     filter: Filtered
@@ -94,15 +95,16 @@ def smooth(
     fixed = parameters(track.simulator, theta, placed, priors)
     numbers = [] if frozen else fixed
     states, tau, doubt = begun, np.zeros_like(begun.qvel), np.full_like(begun.qvel, 1e-3)
-    levels, linear, stretch, dispersion = None, None, None, None
+    levels, linear, stretch, dispersion, surprise = None, None, None, None, np.zeros_like(track.measured)
     if like is not None:
         states, tau, doubt, levels, linear = like.states, like.tau, like.doubt, like.levels, like.linear
+        surprise = like.surprise
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
     for k in range(rounds + len(anneal)):
         rough = k < len(anneal)
-        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough)
+        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise)
         if levels is None:
             tau = _inverse(track, linear)
             levels = first_levels(track, states, tau, noise)
@@ -123,7 +125,7 @@ def smooth(
         found = solve(track, linear, levels, tau, numbers, stretch, dispersion)
         if not np.isfinite(found.chi2):
             break
-        dispersion = found.dispersion
+        dispersion, surprise = found.dispersion, found.surprise
         change, far = found.moves(linear, levels, track), found.farthest(numbers)
         travels = any(n.log and abs(own) > 0.99 * np.log(TRUST) for n, own in zip(numbers, found.step, strict=True))
         if k > len(anneal) + 1 and not travels and max(change, far / FAR) > SHRINKS * last_step:
@@ -149,17 +151,18 @@ def smooth(
         if k >= len(anneal) and max(change, shift / FAR, far / FAR) < STILL:
             converged = True
             break
-    linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign)
+    linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise)
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
     count = int(np.isfinite(track.measured).sum())
     return Smoothed(
-        track, placed_of(fixed, placed), tuple(priors), tuple(fixed), states, tau, doubt, levels, linear, found.filter,
+        track, placed_of(fixed, placed), tuple(priors), tuple(fixed), states, tau, doubt, found.surprise, levels, linear,
+        found.filter,
         found.information, found.dispersion, found.chi2, found.fit, found.cost, count, converged, k + 1, float(change),
     )  # fmt: skip
 
 
-def _linear(track, numbers, fixed, placed, states, tau, doubt, like: Linear | None, sign, rough=False) -> Linear:
-    return linearise(track, numbers, placed_of(fixed, placed), states, tau, doubt, theta_of(fixed), like, sign, rough)
+def _linear(track, numbers, fixed, placed, states, tau, doubt, like: Linear | None, *more) -> Linear:
+    return linearise(track, numbers, placed_of(fixed, placed), states, tau, doubt, theta_of(fixed), like, *more)
 
 
 def _inverse(track: Track, linear: Linear) -> np.ndarray:

@@ -27,6 +27,8 @@ SMALL = 0.1  # of itself, that a number moves by: as much as one sd
 class Solved:
     """One Gauss-Newton step: of the numbers (p,), of states and forces (N, m), and what the fit then is.
 
+    surprise: (N, ny), what readings of forces and
+    accelerations hold at the linearisation beyond what readings before them foretold, 0 of others.
     information: (p, p), of the coordinates, with their prior; dispersion: by how much the data count less than white
     noise would. chi2: of the innovations. fit, cost: minus the logarithms of likelihood and of prior by posterior.
     """
@@ -36,6 +38,7 @@ class Solved:
     change: np.ndarray
     adjoint: np.ndarray
     errors: np.ndarray
+    surprise: np.ndarray
     information: np.ndarray
     dispersion: float
     chi2: float
@@ -104,8 +107,10 @@ def solve(
     prior = _occam(numbers, information, int(known.sum()))
     volume = np.linalg.slogdet(information)[1] if len(information) and np.isfinite(chi2) else 0.0
     fit, cost = 0.5 * (2 * np.log(own.sd[known]).sum() + chi2), 0.5 * (penalty + volume + prior)
+    # Not white noise's infinity: where nothing was read, nothing surprises.
+    surprise = np.where(known & track.late, total[:, :, 0] * np.where(known, own.sd, 0.0) - linear.left[:, :, 0], 0.0)
     return Solved(
-        own, step, change, adjoint[:, :, 0], errors[:, :, 0], information, dispersion, float(chi2), float(fit),
+        own, step, change, adjoint[:, :, 0], errors[:, :, 0], surprise, information, dispersion, float(chi2), float(fit),
         float(cost),
     )  # fmt: skip
 

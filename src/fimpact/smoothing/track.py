@@ -155,13 +155,13 @@ class Track:
         return (model,) if finer.opt.timestep == model.opt.timestep else (model, finer)
 
     def plant(
-        self, placed: Sequence[Placed], theta: np.ndarray, states: States, tau: np.ndarray, doubt, sign=None
+        self, placed: Sequence[Placed], theta, states: States, tau: np.ndarray, doubt, sign=None, surprise=0.0
     ) -> "Plant":
         """The plant of a hypothesis; laws that MuJoCo lacks act as they do along `states`.
 
         Args:
             tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). sign: of the speeds for dry friction, where
-                it is known already.
+                it is known already. surprise: as in `laws.reading_of`.
         """
         model = self.model_of(placed, theta)
         added = self._taken_dry(model)
@@ -180,6 +180,7 @@ class Track:
             rub,
             states,
             tau,
+            surprise,
         )
 
     def model_of(self, placed: Sequence[Placed], theta: np.ndarray) -> mujoco.MjModel:
@@ -203,7 +204,7 @@ class Track:
 @dataclass(frozen=True)
 class Plant:
     """What a hypothesis makes of each sample: the model at its time steps, commands, forces of laws, (N, nv), dry
-    friction among them, along the states `around`."""
+    friction among them, along the states `around`, and what readings there hold beyond what was foretold, (N, ny)."""
 
     track: Track
     models: tuple[mujoco.MjModel, ...]
@@ -213,6 +214,7 @@ class Plant:
     rubbing: Rubbing
     around: States
     tau: np.ndarray
+    surprise: np.ndarray | float = 0.0
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -240,7 +242,7 @@ class Plant:
         found = self.track.ahead(self.models, states, self.ctrl, self.force + tau)
         readings = found.readings
         for law in self.placed:
-            readings = reading_of(self.track, law, self.around, self.tau, readings)
+            readings = reading_of(self.track, law, self.around, readings, self.surprise)
         return Step(found.after, readings)
 
 
