@@ -8,11 +8,12 @@ import numpy as np
 from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, TRUST, TYPICAL, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.classes import DRIVE
-from fimpact.selection.options import options
+from fimpact.selection.exchange import Exchange, exchanges
+from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, has_servos, search, worth
 from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales
-from fimpact.smoothing.parameters import placed_of, theta_of
+from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
@@ -144,7 +145,7 @@ class Search:
         self.tries += 1
         if found.chosen is None:
             self.rounds += [] if self.tries > 1 or self.rounds else [found]
-            return False
+            return not small and self.exchanged(regression, offered)
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
@@ -182,36 +183,71 @@ class Search:
         estimate = replace(trial.estimate, kept=tuple(own), values=np.array(list(own.values())))
         return replace(trial, estimate=estimate)
 
-    def refitted(self, regression: Regression, trial: Trial) -> Smoothed:
-        """The fit with the members of `trial`, begun where the regression has them."""
+    def exchanged(self, regression: Regression, offered: Sequence[Option]) -> bool:
+        """Put in the place of an effect what is likelier, refitted; what is as likely joins the set.
+
+        Under servos an effect is not exchanged: there the whole drive is one.
+        """
+        if self.coupled:
+            return False
+        others, spread = exchanges(regression, offered), regression.dispersion
+        for other in [e for e in others if e.weight > 1.0][:RIVALS]:
+            fit = self.refitted(regression, other, other.place)
+            if fit.converged and fit.loss(spread) < self.current.loss(spread) - TIED:
+                self.progress(f"selecting: {other.option.name} in place of {self.current.placed[other.place].name}")
+                self.current, self.alternatives = fit, []
+                return True
+            others.remove(other)
+        known = {frozenset(p.name for p in a.placed) for a in self.alternatives}
+        for other in others:
+            own, _, theta = self.begun_with(regression, other, other.place)
+            if frozenset(p.name for p in own) not in known:
+                self.alternatives.append(Alternative(own, theta, min(other.weight, 1.0)))
+        return False
+
+    def refitted(self, regression: Regression, trial: Trial | Exchange, out: int = -1) -> Smoothed:
+        """The fit with the members of `trial`, begun where the regression has them, without the effect number `out`."""
+        own, known, theta = self.begun_with(regression, trial, out)
+        return smooth(self.track, self.begun, self.noise, own, known, self.current, theta, self.progress)
+
+    def begun_with(
+        self, regression: Regression, trial: Trial | Exchange, out: int = -1
+    ) -> tuple[tuple[Placed, ...], tuple, np.ndarray]:
+        """What is in and the members of `trial` as the regression has them, their priors, and the unknowns, (p,)."""
         placed, priors = _begun(regression, trial)
-        gone = {i for law in placed for i in _held_by(law.effect, law.site, self.current.placed)}
-        placed = tuple(_with_held(law, self.current.placed) for law in placed)
+        held = [law for i, law in enumerate(self.current.placed) if i != out]
+        gone = {out} | {i for law in placed for i in _held_by(law.effect, law.site, self.current.placed)}
+        placed = tuple(_with_held(law, held) for law in placed)
         kept = [i for i in range(len(self.current.placed)) if i not in gone]
         steps = dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))
         numbers = [n.moved(steps.get(i, 0.0)) for i, n in enumerate(self.current.numbers)]
         before, theta = placed_of(numbers, self.current.placed), theta_of(numbers)
         own = (*(before[i] for i in kept), *placed)
         known = (*(self.current.priors[i] for i in kept), *priors)
-        return smooth(self.track, self.begun, self.noise, own, known, self.current, theta, self.progress)
+        return own, known, theta
 
     def _among_rivals(self, regression: Regression, found: Round, best: Smoothed) -> Smoothed:
         """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
         # The compound stands for many kinds, which are told apart by what they predict; others are by refits.
-        rivals = [] if found.chosen.option.compound else found.rivals[:RIVALS]
-        fits = [best] + [self.refitted(regression, trial) for trial, _ in rivals]
+        rivals = [] if found.chosen.option.compound else found.rivals
+        tried = rivals[:RIVALS]
+        fits = [best] + [self.refitted(regression, trial) for trial, _ in tried]
         spread = regression.dispersion
         losses = np.array([fit.loss(spread) if fit.converged else np.inf for fit in fits])
         losses = np.where(np.isfinite(losses), losses, np.inf)
         weights = np.exp(losses.min() - losses) if np.isfinite(losses.min()) else np.ones(len(fits))
         as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
         first = min(as_good, key=lambda i: (len(fits[i].numbers), i))
-        # A refit that did not converge says nothing against its name: there stands what the regression says.
-        for i, (_, weight) in enumerate(rivals, 1):
-            weights[i] = weights[i] if np.isfinite(losses[i]) else weight * weights[first]
+        found = [(fit.placed, fit.theta, w) for fit, w in zip(fits, weights, strict=True)]
+        # Where there was no refit, or none that converged, stands what the regression says.
+        told = weights[0] if np.isfinite(losses[0]) else weights[first]
+        for i, (trial, weight) in enumerate(rivals, 1):
+            if i >= len(fits) or not np.isfinite(losses[i]):
+                own, _, theta = self.begun_with(regression, trial)
+                found[i : i + 1] = [(own, theta, weight * told)]
         self.alternatives = [
-            Alternative(fit.placed, fit.theta, float(w / weights[first]))
-            for i, (fit, w) in enumerate(zip(fits, weights, strict=True))
+            Alternative(placed, theta, float(w / weights[first]))
+            for i, (placed, theta, w) in enumerate(found)
             if i != first and w > UNLIKELY * weights[first]
         ]
         return fits[first]
@@ -248,7 +284,7 @@ class Search:
             return True
         regression = Regression(fit, columns(fit, []))
         own = [
-            (i, n) for i, n in enumerate(fit.numbers) if n.place == place and not _is_shape(fit.placed[place], n.name)
+            (i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)
         ]
         found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
         return any(w.p * len(fit.placed) < P_ALARM and w.share > (REFINES if small else SHARE) / 2 for w in found)
@@ -279,13 +315,20 @@ def _begun(regression: Regression, trial: Trial) -> tuple[tuple[Placed, ...], tu
         if column >= regression.p:
             owner, amplitude = regression.columns.owners[column - regression.p]
             values.setdefault(owner, {})[amplitude] = float(value)
-    placed, priors = [], []
-    for owner, own in values.items():
-        candidate = regression.columns.candidates[owner]
-        amplitudes = [own.get(i, 0.0) * sd for i, sd in enumerate(candidate.sd)]
-        placed.append(_within(candidate.placed(amplitudes)))
-        priors.append(candidate.priors)
-    return tuple(placed), tuple(priors)
+    tried, blends = regression.columns.candidates, {}
+    for owner in values:
+        blends.setdefault(tried[owner].name, []).append(owner)
+    placed = tuple(_blended([(tried[i], values[i]) for i in owners]) for owners in blends.values())
+    return placed, tuple(tried[owners[0]].priors for owners in blends.values())
+
+
+def _blended(parts: Sequence[tuple[Candidate, dict[int, float]]]) -> Placed:
+    """One effect at one site with the amplitudes of all its choices of shapes, (amplitude -> in sd) each, at the mean
+    of their shapes."""
+    (first, _), weights = parts[0], [sum(map(abs, own.values())) + 1e-12 for _, own in parts]
+    shapes = {name: float(np.average([c.shapes[name] for c, _ in parts], weights=weights)) for name in first.shapes}
+    amplitudes = [sum(own.get(i, 0.0) for _, own in parts) * sd for i, sd in enumerate(first.sd)]
+    return _within(replace(first, shapes=shapes).placed(amplitudes))
 
 
 def _held_by(effect: Effect, site: str, placed: Sequence[Placed]) -> list[int]:
@@ -307,7 +350,3 @@ def _with_held(law: Placed, placed: Sequence[Placed]) -> Placed:
 def _within(placed: Placed) -> Placed:
     values = {c.name: float(np.clip(placed.values[c.name], c.low, c.high)) for c in placed.effect.coefficients}
     return replace(placed, values=values)
-
-
-def _is_shape(placed: Placed, name: str) -> bool:
-    return next(c.shape for c in placed.effect.coefficients if c.name == name)

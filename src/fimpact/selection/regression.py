@@ -4,6 +4,7 @@ Independent is a stretch, not a sample: folds leave out whole stretches, and cov
 (Liang and Zeger, Biometrika 73(1), 1986; Roberts et al., Ecography 40(8), 2017).
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,9 @@ from scipy import stats
 
 from fimpact.deciding import FOLDS
 from fimpact.smoothing.columns import Columns
+from fimpact.smoothing.parameters import is_shape
 from fimpact.smoothing.smoother import Smoothed
+from fimpact.smoothing.step import occam
 from fimpact.smoothing.stretches import spread_of_scores, stretches
 
 
@@ -85,6 +88,26 @@ class Regression:
         kept, values = list(found.kept), found.values
         return float(self.dispersion * (values**2 @ self.weight[kept] - 2 * self.pull[kept] @ values))
 
+    def evidence(self, found: Estimate) -> float:
+        """Logarithm of the marginal likelihood of `found`, but for a constant, of as much data as are independent."""
+        kept = list(found.kept)
+        information = self.gram[:, kept][:, :, kept].sum(0) / self.dispersion + np.diag(self.weight[kept])
+        numbers = [self.smoothed.numbers[i] for i in kept if i < self.p]  # candidates are in units of their prior
+        away = sum(n.away**2 for n in numbers)
+        prior = occam(numbers, information[: len(numbers), : len(numbers)], self.smoothed.count)
+        return -0.5 * float(found.loss + away + prior + np.linalg.slogdet(information)[1])
+
+    def without(self, place: int) -> "Regression":
+        """The same data where the effect number `place` has been taken away; `smoothed` is still with it."""
+        step = np.zeros(self.gram.shape[1])
+        for i, n in enumerate(self.smoothed.numbers):
+            if n.place == place and not is_shape(self.smoothed.placed[place], n.name):
+                step[i] = -1.0 if n.log else -n.value
+        other = copy.copy(self)
+        other.right = self.right - self.gram @ step
+        other.square = self.square - 2 * self.right @ step + np.einsum("i,bij,j->b", step, self.gram, step)
+        return other
+
     def proper(self, kept: Sequence[int]) -> Estimate:
         """`solve` without the columns whose estimate has a sign that physics forbids."""
         kept = list(kept)
@@ -123,8 +146,8 @@ class Regression:
         """
         kept = list(found.kept)
         whole, prior = self.gram[:, kept][:, :, kept].sum(0), np.diag(self.weight[kept])
-        white = _inverse(whole + prior)
-        bread = _inverse(whole / self.dispersion + prior)
+        white = inverse(whole + prior)
+        bread = inverse(whole / self.dispersion + prior)
         scores = self.scores(found) / self.dispersion
         if clusters is not None:
             scores = np.array([scores[clusters == c].sum(0) for c in np.unique(clusters)])
@@ -163,7 +186,7 @@ class Regression:
         return float(np.sqrt(roots).sum() ** 2 / max(roots.sum(), 1e-300))
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
+def inverse(matrix: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric matrix whose columns may differ in size by orders of magnitude."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)

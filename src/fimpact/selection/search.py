@@ -68,19 +68,49 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     good = [t for t in likely if t.sure > 0]
     if not good:
         return Round(None, (), tuple(tried))
-    behind = [(t, lag(regression, good[0], t)) for t in likely]  # a rival need not be as sure as what is chosen
+    behind = [(t, lag(regression, good[0], t)) for t in good]
     allowed = {True: np.inf if has_servos(regression.smoothed.track.model) else -2 * np.log(UNLIKELY), False: TIED}
-    sure = {t.option for t in good}
-    tied = [t for t, own in behind if t.option in sure and own < allowed[t.option.compound]]
+    tied = [t for t, own in behind if own < allowed[t.option.compound]]
     chosen = min(tied, key=lambda t: (t.option.order, len(t.estimate.kept), -t.gain))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
-    seen, weights = {frozenset(chosen.estimate.kept)}, []
-    for trial, own in behind:  # a class of which one member is left is that member
-        if frozenset(trial.estimate.kept) not in seen:
-            seen.add(frozenset(trial.estimate.kept))
-            weights.append((trial, float(np.exp(-own / 2))))
-    rivals = sorted((pair for pair in weights if pair[1] > UNLIKELY), key=lambda pair: -pair[1])
-    return Round(chosen, tuple(rivals), tuple(tried))
+    return Round(
+        chosen,
+        rivals_of(regression, chosen, [*likely, *blends(regression, now, errors, forces, missing, likely)]),
+        tuple(tried),
+    )
+
+
+def rivals_of(regression: Regression, chosen: Trial, others: Sequence[Trial]) -> tuple[tuple[Trial, float], ...]:
+    """What is as likely as `chosen`, with its marginal likelihood beside its 1, likeliest first: a rival need not be as
+    sure as what is chosen, and a class of which one member is left is that member."""
+    own = regression.evidence(chosen.estimate)
+    weights = [(trial, float(np.exp(min(regression.evidence(trial.estimate) - own, 700.0)))) for trial in others]
+    least = UNLIKELY * max((weight for _, weight in weights), default=1.0)
+    seen, found = {places_of(regression, chosen.estimate)}, []
+    for trial, weight in sorted(weights, key=lambda pair: -pair[1]):
+        places = places_of(regression, trial.estimate)
+        if places not in seen and weight > least:
+            seen.add(places)
+            found.append((trial, weight))
+    return tuple(found)
+
+
+def blends(regression: Regression, now: Estimate, errors, forces, missing, tried: Sequence[Trial]) -> list[Trial]:
+    """The linear effects among `tried` with all choices of their shapes at once: a shape between two choices is nearly
+    a mixture of both, and no effect is to lose to another because its true shape was not among the choices."""
+    columns, found = regression.columns, []
+    for name, order in {t.places[0]: t.option.order for t in tried if len(t.places) == 1}.items():
+        members = tuple(i for i, c in enumerate(columns.candidates) if c.name == name and c.effect.linear)
+        if len(members) > 1:
+            found.append(attempt(regression, now, errors, forces, missing, Option(name, order, members)))
+    return [trial for trial in found if trial and trial.p < P_ALARM and trial.gain > 0]
+
+
+def places_of(regression: Regression, estimate: Estimate) -> tuple[str, ...]:
+    """``effect@site`` of what an estimate holds beside the numbers that are in."""
+    owners, tried = regression.columns.owners, regression.columns.candidates
+    names = [tried[owners[c - regression.p][0]].name for c in estimate.kept if c >= regression.p]
+    return tuple(dict.fromkeys(names))
 
 
 def has_servos(model: mujoco.MjModel) -> bool:
@@ -106,8 +136,7 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     relief = regression.tension(now) - regression.tension(found)
     share = 1.0 if relief > better.sum() and relief > 0 else float(taken[place])
     error = float(better.std() * np.sqrt(len(better)))
-    names = [regression.columns.candidates[owners[c - regression.p][0]].name for c in found.kept if c >= regression.p]
-    places = tuple(dict.fromkeys(names))
+    places = places_of(regression, found)
     return Trial(option, found, p, float(better.sum()) + relief, error, share, place, left, places)
 
 

@@ -98,6 +98,11 @@ def placed_of(numbers: Sequence[Parameter], placed: Sequence[Placed]) -> tuple[P
     return tuple(replace(law, values=own) for law, own in zip(placed, values, strict=True))
 
 
+def is_shape(placed: Placed, name: str) -> bool:
+    """Whether a coefficient of an effect is a shape and no amplitude."""
+    return next(c.shape for c in placed.effect.coefficients if c.name == name)
+
+
 def _rows(recording: Recording, theta, own):
     return zip(recording.unknowns, theta, own, strict=True)
 

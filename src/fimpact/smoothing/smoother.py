@@ -36,8 +36,8 @@ class Smoothed:
 
     tau: missing force, (N, nv), its posterior mean; doubt: posterior sd of the speeds, (N, nv). surprise: (N, ny), as
     in `laws.reading_of`. information: (p, p) of the coordinates of `numbers`, with their prior. dispersion: by how much
-    the data count less than white noise would. chi2: of `count` innovations; fit, cost: minus the logarithms of likelihood and of prior by posterior. still: how
-    far the last step moved a reading, in sd.
+    the data count less than white noise would. chi2: of `count` innovations; fit, cost: minus the logarithms of
+    likelihood and of prior by posterior. still: how far the last step moved a reading, in sd.
     """
 
     track: Track
@@ -155,9 +155,9 @@ def smooth(
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
     count = int(np.isfinite(track.measured).sum())
     return Smoothed(
-        track, placed_of(fixed, placed), tuple(priors), tuple(fixed), states, tau, doubt, found.surprise, levels, linear,
-        found.filter,
-        found.information, found.dispersion, found.chi2, found.fit, found.cost, count, converged, k + 1, float(change),
+        track, placed_of(fixed, placed), tuple(priors), tuple(fixed), states, tau, doubt, found.surprise, levels,
+        linear, found.filter, found.information, found.dispersion, found.chi2, found.fit, found.cost, count, converged,
+        k + 1, float(change),
     )  # fmt: skip
 
 

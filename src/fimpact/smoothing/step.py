@@ -104,14 +104,14 @@ def solve(
         1,
     )
     known = np.isfinite(own.sd)
-    prior = _occam(numbers, information, int(known.sum()))
+    prior = occam(numbers, information, int(known.sum()))
     volume = np.linalg.slogdet(information)[1] if len(information) and np.isfinite(chi2) else 0.0
     fit, cost = 0.5 * (2 * np.log(own.sd[known]).sum() + chi2), 0.5 * (penalty + volume + prior)
     # Not white noise's infinity: where nothing was read, nothing surprises.
     surprise = np.where(known & track.late, total[:, :, 0] * np.where(known, own.sd, 0.0) - linear.left[:, :, 0], 0.0)
     return Solved(
-        own, step, change, adjoint[:, :, 0], errors[:, :, 0], surprise, information, dispersion, float(chi2), float(fit),
-        float(cost),
+        own, step, change, adjoint[:, :, 0], errors[:, :, 0], surprise, information, dispersion, float(chi2),
+        float(fit), float(cost),
     )  # fmt: skip
 
 
@@ -152,7 +152,7 @@ def _scaled(information: np.ndarray, right: np.ndarray, reach: tuple[np.ndarray,
     return _within(information / np.outer(scale, scale), right / scale, *bounds) / scale
 
 
-def _occam(numbers: Sequence[Parameter], information: np.ndarray, count: int) -> float:
+def occam(numbers: Sequence[Parameter], information: np.ndarray, count: int) -> float:
     """What the priors of the numbers cost: their width, or where nothing is known, that of one reading (BIC)."""
     cost = 0.0
     for n, own in zip(numbers, np.diag(information), strict=True):

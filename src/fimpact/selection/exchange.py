@@ -1,0 +1,61 @@
+"""What could stand in the place of each effect that is in, by the algebra of one regression.
+
+Forward selection never asks again what an early round answered, though later rounds may have made another answer
+likelier; and what is as likely is the set. An exchange of one for one, as in exact designs (Fedorov 1972).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fimpact.deciding import UNLIKELY
+from fimpact.selection.options import Option
+from fimpact.selection.regression import Estimate, Regression, inverse
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """An option in place of the effect number `place`; weight: its marginal likelihood beside that of what is in."""
+
+    place: int
+    option: Option
+    estimate: Estimate
+    weight: float
+
+
+def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchange]:
+    """What is as likely in place of an effect that is in, likeliest first, one choice of shapes for each name."""
+    now = regression.evidence(regression.solve(range(regression.p)))
+    singles = [option for option in offered if len(option.members) == 1]
+    best: dict[tuple[int, str], Exchange] = {}
+    for place in range(len(regression.smoothed.placed)):
+        without = regression.without(place)
+        base = [i for i, n in enumerate(regression.smoothed.numbers) if n.place != place]
+        for option, columns, evidence in _beside(without, base, singles):
+            weight = float(np.exp(min(evidence - now, 700.0)))
+            known = best.get((place, option.name))
+            if weight > max(UNLIKELY, known.weight if known else 0.0):
+                best[place, option.name] = Exchange(place, option, without.solve([*base, *columns]), weight)
+    return sorted(best.values(), key=lambda e: -e.weight)
+
+
+def _beside(
+    regression: Regression, base: Sequence[int], offered: Sequence[Option]
+) -> Iterator[tuple[Option, list[int], float]]:
+    """Each option that has no forbidden sign beside the numbers `base`, its columns, and its evidence."""
+    found = regression.solve(base)
+    known, rest = regression.evidence(found), np.arange(regression.p, regression.gram.shape[1])
+    whole = regression.gram.sum(0) / regression.dispersion + np.diag(regression.weight)
+    right = regression.right.sum(0) / regression.dispersion + regression.pull
+    across = whole[np.ix_(rest, base)]
+    inner = whole[np.ix_(rest, rest)] - across @ inverse(whole[np.ix_(base, base)]) @ across.T
+    left = right[rest] - across @ found.values
+    for option in offered:
+        own = regression.columns.of(option.members[0])
+        if not own:
+            continue
+        block = inner[np.ix_(own, own)]
+        values = np.linalg.solve(block, left[own])
+        if not (regression.positive[rest[own]] & (values < 0)).any():
+            yield option, list(rest[own]), known + 0.5 * float(left[own] @ values - np.linalg.slogdet(block)[1])
