@@ -108,7 +108,8 @@ def _located(model, recording: Recording, truth: Truth, row, named: list[str]) -
     if named:
         got = set().union(*(places(model, recording.channels, name.split("@")[1]) for name in named))
     else:
-        got = _first_place(row)
+        left = row.get("remainder", {})
+        got = {_joint(left)} if left.get("follows") else _first_place(row)
     return all(bool(want & got) for want in wanted)
 
 

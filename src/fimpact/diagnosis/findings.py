@@ -1,5 +1,6 @@
 """What may be said of each effect of a fit: its numbers with intervals, and whether it is certain."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from fimpact.smoothing.smoother import Smoothed
 from fimpact.units import channel_unit
 
 CERTAIN, POSSIBLE, SLIGHT = "certain", "possible", "small"
+NAMELESS = "what it explains follows a smooth function better, so that something else may stand behind it"
 RUNS = 2  # more than there are numbers: from there the spread from run to run is known
 # Turns of what is no joint, though one may have the name of its site.
 ELSEWHERE = ("inertia", "gravity_tilt", "ground_tilt", "misalignment")
@@ -83,13 +85,16 @@ def _run_of_stretch(regression: Regression) -> np.ndarray:
     return np.array([track.run_of[np.argmax(regression.stretch == b)] for b in range(regression.count)])
 
 
-def findings(smoothed: Smoothed, main: int, rows: list[dict[str, Any]]) -> tuple[Finding, ...]:
-    """What may be said of each effect; the first `main` are of the first tier."""
+def findings(
+    smoothed: Smoothed, main: int, rows: list[dict[str, Any]], doubted: Sequence[str] = ()
+) -> tuple[Finding, ...]:
+    """What may be said of each effect; the first `main` are of the first tier; `doubted`: names that a smooth function
+    without a name beats."""
     found = []
     for place, law in enumerate(smoothed.placed):
         own = [(n, r) for n, r in zip(smoothed.numbers, rows, strict=True) if n.place == place]
         own_rows = tuple(row for _, row in own)
-        why = _why_not(smoothed, place, own)
+        why = NAMELESS if law.name in doubted else _why_not(smoothed, place, own)
         tier = POSSIBLE if why else CERTAIN if place < main else SLIGHT
         found.append(Finding(law.effect.name, law.site, tier, own_rows, why))
     return tuple(found)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fimpact.diagnosis.findings import CERTAIN, POSSIBLE, Finding, findings, parameter_rows
+from fimpact.diagnosis.findings import CERTAIN, NAMELESS, POSSIBLE, Finding, findings, parameter_rows
 from fimpact.diagnosis.freed import fit_freed
 from fimpact.diagnosis.notes import notes_on
 from fimpact.diagnosis.proof import Proof, prove
@@ -89,7 +89,7 @@ def diagnose(
         models["freed"] = fit_freed(prepared, found.naive.states)
     proof = prove(prepared, models, own_only=brief)
     rows = parameter_rows(found.final, recording)
-    effects = findings(found.final, found.main, rows)
+    effects = findings(found.final, found.main, rows, found.left.doubted)
     left = remainder(prepared, found, proof, brief)
     notes = notes_on(prepared, found)
     answer = _answer(effects, left)
@@ -103,9 +103,9 @@ def diagnose(
 
 def _answer(effects: Sequence[Finding], left: dict[str, Any]) -> str:
     named = sorted(f.name for f in effects if f.tier == CERTAIN) or sorted(
-        f.name for f in effects if f.tier == POSSIBLE
+        f.name for f in effects if f.tier == POSSIBLE and f.why_not != NAMELESS
     )
-    return "+".join(named) or (UNNAMED if left["unnamed"] else NONE)
+    return "+".join(named) or (UNNAMED if left["unnamed"] or effects else NONE)
 
 
 def _members(found: Explanation, answer: str) -> tuple[Member, ...]:

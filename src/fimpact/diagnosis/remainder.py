@@ -12,6 +12,14 @@ from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
+FOLLOWS = {
+    "time": "a force that follows the time in the run",
+    "contact": "a force that follows whether anything touches",
+    "friction with position": "friction that follows its position",
+    "friction with load": "friction that follows its load",
+    "friction with time": "friction that follows the time in the run",
+    "friction with contact": "friction that follows whether anything touches",
+}
 POINTS = 60  # of the picture
 
 
@@ -37,15 +45,21 @@ def remainder(prepared: Prepared, found: Explanation, proof: Proof | None, brief
     rows = missing_rows(found)
     held = [] if brief or proof is None else held_out_rows(prepared, found, proof)
     worst = max(rows, key=lambda row: row["left"] / max(row["applied"], 1e-12))
-    share = worst["left"] / max(worst["applied"], 1e-12)
-    unnamed = not found.final.placed and _stands_out(proof) and share > LOUD
-    told = share > LOUD and (bool(found.final.placed) or unnamed)
-    sentence = (
-        f"What has no name is {share:.0%} of the force at {worst['joint']} ({worst['left']:.2g} {worst['unit']})."
-        if told
-        else ""
-    )
-    return {"sentence": sentence, "joint": worst["joint"], "share": share, "unnamed": unnamed, "held_out": held}
+    share, left = worst["left"] / max(worst["applied"], 1e-12), found.left
+    unnamed = not found.final.placed and (left.dof is not None or (_stands_out(proof) and share > LOUD))
+    said = []
+    if left.dof is not None:
+        what = FOLLOWS.get(left.follows, f"a force that follows its {left.follows}")
+        place = rows[left.dof]["joint"]
+        said.append(f"Left without a name at {place}: {what} ({left.share:.0%} of what was missing there).")
+    if share > LOUD and (found.final.placed or unnamed):
+        loud = f"{worst['left']:.2g} {worst['unit']}"
+        said.append(f"What has no name is {share:.0%} of the force at {worst['joint']} ({loud}).")
+    joint = worst["joint"] if left.dof is None else rows[left.dof]["joint"]
+    return {
+        "sentence": " ".join(said), "joint": joint, "share": share, "unnamed": unnamed, "follows": left.follows,
+        "held_out": held,
+    }  # fmt: skip
 
 
 def _stands_out(proof: Proof | None) -> bool:

@@ -9,24 +9,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fimpact.deciding import UNLIKELY
+from fimpact.deciding import BELIEF, UNLIKELY
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, inverse
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """An option in place of the effect number `place`; weight: its marginal likelihood beside that of what is in."""
+    """An option in place of the effect number `place`; weight: its marginal likelihood beside that of what is in; sure:
+    whether it also predicts stretches better that were not fitted, beyond chance."""
 
     place: int
     option: Option
     estimate: Estimate
     weight: float
+    sure: bool
 
 
 def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchange]:
     """What is as likely in place of an effect that is in, likeliest first, one choice of shapes for each name."""
-    now = regression.evidence(regression.solve(range(regression.p)))
+    present = regression.solve(range(regression.p))
+    now, errors = regression.evidence(present), regression.errors(present)
     singles = [option for option in offered if len(option.members) == 1]
     best: dict[tuple[int, str], Exchange] = {}
     for place in range(len(regression.smoothed.placed)):
@@ -36,7 +39,10 @@ def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchang
             weight = float(np.exp(min(evidence - now, 700.0)))
             known = best.get((place, option.name))
             if weight > max(UNLIKELY, known.weight if known else 0.0):
-                best[place, option.name] = Exchange(place, option, without.solve([*base, *columns]), weight)
+                found = without.solve([*base, *columns])
+                better = errors - without.errors(found)
+                sure = better.sum() > BELIEF * better.std() * np.sqrt(len(better))
+                best[place, option.name] = Exchange(place, option, found, weight, bool(sure))
     return sorted(best.values(), key=lambda e: -e.weight)
 
 

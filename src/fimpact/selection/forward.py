@@ -9,6 +9,7 @@ from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TI
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.classes import DRIVE
 from fimpact.selection.exchange import Exchange, exchanges
+from fimpact.selection.leftover import Leftover, leftover
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, has_servos, search, worth
@@ -31,18 +32,18 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What was found: the naive fit, the final one, the regression of the final one on its numbers, how many of its
-    effects are of the first tier, rounds, alternatives, and the chance of the strongest hint where nothing was."""
+    """What was found: the naive fit, the final one, how many of its effects are of the first tier, rounds,
+    alternatives, the chance of the strongest hint where nothing was, and what is left without a name."""
 
     naive: Smoothed
     final: Smoothed
-    regression: Regression
     main: int
     rounds: tuple[Round, ...]
     alternatives: tuple[Alternative, ...]
     p: float
     scales: Scales
     missing: np.ndarray
+    left: Leftover
 
 
 class Search:
@@ -191,7 +192,7 @@ class Search:
         if self.coupled:
             return False
         others, spread = exchanges(regression, offered), regression.dispersion
-        for other in [e for e in others if e.weight > 1.0][:RIVALS]:
+        for other in [e for e in others if e.weight > 1.0 and e.sure][:RIVALS]:
             fit = self.refitted(regression, other, other.place)
             if fit.converged and fit.loss(spread) < self.current.loss(spread) - TIED:
                 self.progress(f"selecting: {other.option.name} in place of {self.current.placed[other.place].name}")
@@ -303,8 +304,8 @@ def explain(
         pass
     final = state.current = state.simplified()
     return Explanation(
-        state.naive, final, Regression(final, columns(final, [])), main, tuple(state.rounds),
-        tuple(state.alternatives), state.hint, state.scales, state.missing,
+        state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
+        state.missing, leftover(final, state.missing),
     )  # fmt: skip
 
 
