@@ -11,8 +11,8 @@ from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
 from fimpact.selection.forward import Alternative, Explanation
-from fimpact.selection.regression import Regression
-from fimpact.smoothing.columns import columns, motion_scales
+from fimpact.selection.leftover import Leftover
+from fimpact.smoothing.columns import motion_scales
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth
 
@@ -29,8 +29,8 @@ def diagnosis_of(
         final = _forced(prepared, naive, answer) if answer else naive
         others = [_forced(prepared, naive, (name,)) for name in rivals]
         kept = tuple(Alternative(fit.placed, fit.theta, 0.4) for fit in others)
-        regression, missing = Regression(final, columns(final, [])), (naive.tau**2).sum(0)
-        return Explanation(naive, final, regression, len(answer), (), kept, 0.01, motion_scales(naive), missing)
+        missing, left = (naive.tau**2).sum(0), Leftover(None, None, 0.0, ())
+        return Explanation(naive, final, len(answer), (), kept, 0.01, motion_scales(naive), missing, left)
 
     with patch.object(pipeline, "explain", explain):
         return diagnose(recording, brief=brief)

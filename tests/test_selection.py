@@ -38,7 +38,8 @@ def names(found: Explanation) -> set[str]:
 def intervals(found: Explanation) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of every number."""
     p = len(found.final.numbers)
-    own = found.regression.covariance(Estimate(tuple(range(p)), np.zeros(p), 0.0, np.zeros((0, p))))
+    regression = Regression(found.final, columns(found.final, []))
+    own = regression.covariance(Estimate(tuple(range(p)), np.zeros(p), 0.0, np.zeros((0, p))))
     told = zip(found.final.numbers, np.sqrt(np.diag(own)), strict=True)
     return {f"{n.name} of {n.of}": (n.value, float(sd * n.slope)) for n, sd in told}
 

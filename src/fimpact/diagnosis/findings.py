@@ -19,6 +19,8 @@ from fimpact.units import channel_unit
 
 CERTAIN, POSSIBLE, SLIGHT = "certain", "possible", "small"
 NAMELESS = "what it explains follows a smooth function better, so that something else may stand behind it"
+NO_FIT, HOLDS_NOTHING, SLIM = "the fit did not converge", "its interval holds nothing", "it is next to nothing"
+UNSEEN = (NAMELESS, NO_FIT, HOLDS_NOTHING, SLIM)
 RUNS = 2  # more than there are numbers: from there the spread from run to run is known
 # Turns of what is no joint, though one may have the name of its site.
 ELSEWHERE = ("inertia", "gravity_tilt", "ground_tilt", "misalignment")
@@ -27,13 +29,15 @@ SLIDING = {"(N m)": "N", "N m": "N", "kg m^2": "kg", "kg m²": "kg", "rad": "m"}
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect of the answer. rows: its numbers; why_not: the rule that keeps it from being certain, or None."""
+    """One effect of the answer. rows: its numbers; why_not: the rule that keeps it from being certain, or None; seen:
+    whether the data tell it from nothing, and from what has no name."""
 
     effect: str
     site: str
     tier: str
     rows: tuple[dict[str, Any], ...]
     why_not: str | None
+    seen: bool = True
 
     @property
     def name(self) -> str:
@@ -96,21 +100,21 @@ def findings(
         own_rows = tuple(row for _, row in own)
         why = NAMELESS if law.name in doubted else _why_not(smoothed, place, own)
         tier = POSSIBLE if why else CERTAIN if place < main else SLIGHT
-        found.append(Finding(law.effect.name, law.site, tier, own_rows, why))
+        found.append(Finding(law.effect.name, law.site, tier, own_rows, why, why not in UNSEEN))
     return tuple(found)
 
 
 def _why_not(smoothed: Smoothed, place: int, own: list[tuple[Parameter, dict]]) -> str | None:
     law, prior = smoothed.placed[place], smoothed.priors[place]
     if not smoothed.converged:
-        return "the fit did not converge"
+        return NO_FIT
     shapes = {c.name for c in law.effect.coefficients if c.shape}
     sizes = [(n, row) for n, row in own if n.name not in shapes]
     seen = [(n, row) for n, row in sizes if not row["low"] <= law.effect.neutral[n.name] <= row["high"]]
     if not seen:
-        return "its interval holds nothing"
+        return HOLDS_NOTHING
     if all(abs(n.value) < NOTHING * prior.get(n.name, 0.0) for n, _ in seen):
-        return "it is next to nothing"
+        return SLIM
     if any(n.at_bound and n.value for n, _ in own):
         return "a value lies at its bound"
     off = [n for n, _ in seen if abs(n.value - law.effect.neutral[n.name]) > BELIEF * prior.get(n.name, np.inf)]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fimpact.diagnosis.findings import CERTAIN, NAMELESS, POSSIBLE, Finding, findings, parameter_rows
+from fimpact.diagnosis.findings import NAMELESS, SLIGHT, Finding, findings, parameter_rows
 from fimpact.diagnosis.freed import fit_freed
 from fimpact.diagnosis.notes import notes_on
 from fimpact.diagnosis.proof import Proof, prove
@@ -102,9 +102,8 @@ def diagnose(
 
 
 def _answer(effects: Sequence[Finding], left: dict[str, Any]) -> str:
-    named = sorted(f.name for f in effects if f.tier == CERTAIN) or sorted(
-        f.name for f in effects if f.tier == POSSIBLE and f.why_not != NAMELESS
-    )
+    main = [f for f in effects if f.tier != SLIGHT]
+    named = sorted(f.name for f in main if f.seen) or sorted(f.name for f in main if f.why_not != NAMELESS)
     return "+".join(named) or (UNNAMED if left["unnamed"] or effects else NONE)
 
 

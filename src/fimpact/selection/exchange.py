@@ -13,11 +13,13 @@ from fimpact.deciding import BELIEF, UNLIKELY
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, inverse
 
+NOTHING = "nothing"  # in place of an effect
+
 
 @dataclass(frozen=True)
 class Exchange:
-    """An option in place of the effect number `place`; weight: its marginal likelihood beside that of what is in; sure:
-    whether it also predicts stretches better that were not fitted, beyond chance."""
+    """An option in place of the effect number `place`; weight: its marginal likelihood beside that of what is in;
+    sure: whether it has fewer numbers, or predicts stretches better that were not fitted, beyond chance."""
 
     place: int
     option: Option
@@ -27,10 +29,10 @@ class Exchange:
 
 
 def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchange]:
-    """What is as likely in place of an effect that is in, likeliest first, one choice of shapes for each name."""
+    """What is as likely in place of an effect that is in, nothing too, likeliest first, one choice of shapes a name."""
     present = regression.solve(range(regression.p))
     now, errors = regression.evidence(present), regression.errors(present)
-    singles = [option for option in offered if len(option.members) == 1]
+    singles = [Option(NOTHING, 0, ()), *(option for option in offered if len(option.members) == 1)]
     best: dict[tuple[int, str], Exchange] = {}
     for place in range(len(regression.smoothed.placed)):
         without = regression.without(place)
@@ -38,11 +40,16 @@ def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchang
         for option, columns, evidence in _beside(without, base, singles):
             weight = float(np.exp(min(evidence - now, 700.0)))
             known = best.get((place, option.name))
-            if weight > max(UNLIKELY, known.weight if known else 0.0):
+            if weight > max(UNLIKELY, known.weight if known else 0.0) or not option.members:
                 found = without.solve([*base, *columns])
                 better = errors - without.errors(found)
-                sure = better.sum() > BELIEF * better.std() * np.sqrt(len(better))
-                best[place, option.name] = Exchange(place, option, found, weight, bool(sure))
+                spread = BELIEF * better.std() * np.sqrt(len(better))
+                if not option.members and better.sum() > -spread:  # what is in is not sure to be worth anything
+                    weight = max(weight, 1.0)
+                simpler = len(base) + len(columns) < regression.p
+                best[place, option.name] = Exchange(
+                    place, option, found, weight, bool(simpler or better.sum() > spread)
+                )
     return sorted(best.values(), key=lambda e: -e.weight)
 
 
@@ -58,8 +65,8 @@ def _beside(
     inner = whole[np.ix_(rest, rest)] - across @ inverse(whole[np.ix_(base, base)]) @ across.T
     left = right[rest] - across @ found.values
     for option in offered:
-        own = regression.columns.of(option.members[0])
-        if not own:
+        own = [i for member in option.members for i in regression.columns.of(member)]
+        if option.members and not own:
             continue
         block = inner[np.ix_(own, own)]
         values = np.linalg.solve(block, left[own])

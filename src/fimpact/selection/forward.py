@@ -192,15 +192,16 @@ class Search:
         if self.coupled:
             return False
         others, spread = exchanges(regression, offered), regression.dispersion
-        for other in [e for e in others if e.weight > 1.0 and e.sure][:RIVALS]:
+        for other in [e for e in others if e.weight > np.exp(-TIED) and e.sure][:RIVALS]:
             fit = self.refitted(regression, other, other.place)
-            if fit.converged and fit.loss(spread) < self.current.loss(spread) - TIED:
+            fewer = len(fit.numbers) < len(self.current.numbers)
+            if fit.converged and fit.loss(spread) < self.current.loss(spread) + (TIED if fewer else -TIED):
                 self.progress(f"selecting: {other.option.name} in place of {self.current.placed[other.place].name}")
                 self.current, self.alternatives = fit, []
                 return True
             others.remove(other)
         known = {frozenset(p.name for p in a.placed) for a in self.alternatives}
-        for other in others:
+        for other in [e for e in others if e.option.members]:
             own, _, theta = self.begun_with(regression, other, other.place)
             if frozenset(p.name for p in own) not in known:
                 self.alternatives.append(Alternative(own, theta, min(other.weight, 1.0)))
