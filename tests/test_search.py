@@ -31,7 +31,7 @@ def regression(planted: dict[int, float], columns: np.ndarray, noise: float = 1.
     rows = np.concatenate([data[:, None], columns], 1)[:, None]
     model = SimpleNamespace(actuator_biasprm=np.tile([0.0, -float(servos), 0.0], (1, 1)))
     track = SimpleNamespace(count=COUNT, model=model, slices=lambda: [slice(0, COUNT)])
-    smoothed = SimpleNamespace(numbers=(), track=track, tau=rng.standard_normal((COUNT, 1)))
+    smoothed = SimpleNamespace(numbers=(), placed=(), count=COUNT, track=track, tau=rng.standard_normal((COUNT, 1)))
     tried = tuple(candidate("viscous", f"j{i}") for i in range(count))
     return Regression(smoothed, Columns(rows, rows, tried, tuple((i, 0) for i in range(count))))
 

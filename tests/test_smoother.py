@@ -6,11 +6,13 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
-from recorded import ARM, ROD, arm, record, rod, waves
+from recorded import ARM, PERIOD, ROD, arm, record, rod, waves
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
+from fimpact.selection.regression import Regression
+from fimpact.smoothing.columns import at, columns, motion_scales
 from fimpact.smoothing.levels import CHANGE, FLIGHT, STANCE
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.response import heavier
@@ -163,3 +165,30 @@ def test_a_ball_that_bounces_is_followed_through_its_contacts():
 def test_the_same_recording_gives_the_same_fit():
     one, other = smoothed(rod(0.05)), smoothed(rod(0.05))
     np.testing.assert_array_equal(one.tau, other.tau)
+
+
+SLED = """<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody><body name="sled"><joint name="rail" type="slide"
+axis="1 0 0"/><geom type="box" size=".05 .05 .05" mass="1" contype="0" conaffinity="0"/><site name="imu"/></body>
+</worldbody><sensor><jointpos name="place" joint="rail"/><accelerometer name="felt" site="imu"/></sensor></mujoco>"""
+
+
+def test_no_law_of_a_reading_is_fitted_to_the_noise_of_a_smoothed_acceleration():
+    """A gust of its own in each sample: the sensor shows it, and what is smoothed holds the sensor's noise."""
+    rng = np.random.default_rng(4)
+    gusts = 1.5 * rng.standard_normal(2000)
+
+    def pull(model, data):
+        return gusts[[int(data.time / PERIOD)]]
+
+    commands, free = [np.zeros((500, 0))] * 3, Unknown("mass", "sled", 0.1)
+    made = prepare(record(SLED, ("place", "felt[0]"), commands, [1e-3, 1.0], pull=pull, unknowns=[free], fine=10))
+    fit = smooth(made.track, made.begun, made.noise)
+    assert np.abs(fit.surprise[:, 1]).max() > 1 and not fit.surprise[:, 0].any()
+    drift = at(EFFECTS["clock_drift"], "all", made.track.model, motion_scales(fit))
+
+    def gain(own):
+        asked = Regression(own, columns(own, drift))
+        gained, dispersion = asked.gain(asked.solve([0]), asked.solve([0, 1]))
+        return gained / dispersion
+
+    assert gain(fit) < 10 < 30 < gain(replace(fit, surprise=np.zeros_like(fit.surprise)))

@@ -53,7 +53,7 @@ PROOF = ["quiet", "deciding", "recordings", "units", "diagnosis/freed", "diagnos
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
 PROOF += [f"effects/{name}" for name in "base drives gears native sites".split()]
 FINDING = [*PROOF, "smoothing/columns", *(f"effects/{name}" for name in EFFECTS.split())]
-FINDING += [f"selection/{name}" for name in "forward options regression search".split()]
+FINDING += [f"selection/{name}" for name in "begin exchange forward leftover options regression search".split()]
 FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
 DESIGNING = [f"experiments/{name}" for name in "described design limits separation".split()]
 FORCED = [name for name in FINDING if not name.startswith(("diagnosis", "selection")) and name != "effects/classes"]

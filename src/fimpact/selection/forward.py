@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, TRUST, TYPICAL, UNLIKELY
+from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.classes import DRIVE
+from fimpact.selection.begin import at_typical_sizes, begun, held_by, in_midst, with_held
 from fimpact.selection.exchange import Exchange, exchanges
 from fimpact.selection.leftover import Leftover, leftover
 from fimpact.selection.options import Option, options
@@ -83,7 +84,7 @@ class Search:
 
     def _is_sum(self, candidate: Candidate) -> bool:
         """Whether it is what is in already and a constant: it holds that, and has no shape of its own."""
-        return bool(_held_by(candidate.effect, candidate.site, self.current.placed)) and not candidate.shapes
+        return bool(held_by(candidate.effect, candidate.site, self.current.placed)) and not candidate.shapes
 
     def _has_its_family(self, candidate: Candidate) -> bool:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
@@ -118,15 +119,8 @@ class Search:
     def alike(self, fit: Smoothed) -> Smoothed:
         """`fit`, or the likelier one that begins with what lies far from its like at other joints in their midst: the
         same motors and gears sit at every joint, and a light one has optima of its own far below."""
-        values: dict[str, list[float]] = {}
-        for law in fit.placed:
-            values.setdefault(law.effect.name, []).append(law.values[law.effect.coefficients[0].name])
-        placed = []
-        for law in fit.placed:
-            name, midst = law.effect.coefficients[0].name, float(np.median(values[law.effect.name]))
-            far = not midst / TRUST <= law.values[name] <= midst * TRUST
-            placed.append(replace(law, values=law.values | {name: midst}) if far else law)
-        if tuple(placed) == fit.placed:
+        placed = in_midst(fit.placed)
+        if placed == fit.placed:
             return fit
         other = smooth(self.track, self.begun, self.noise, placed, fit.priors, fit, progress=self.progress)
         return other if other.converged and (not fit.converged or other.loss() < fit.loss()) else fit
@@ -171,18 +165,7 @@ class Search:
 
     def whole(self, trial: Trial, regression: Regression) -> Trial:
         """`trial`, and under servos what its compound has left out, at typical sizes."""
-        if not (trial.option.compound and self.coupled):
-            return trial
-        values = dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))
-        own = {i: values.get(i, 0.0) for i in range(regression.p)}
-        members = [regression.columns.candidates[i] for i in trial.option.members]
-        typical = {c.effect.name: TYPICAL * min(m.sd[0] for m in members if m.effect is c.effect) for c in members}
-        for i, (owner, _) in enumerate(regression.columns.owners, regression.p):
-            candidate = regression.columns.candidates[owner]
-            if owner in trial.option.members:
-                own[i] = max(values.get(i, 0.0), typical[candidate.effect.name] / candidate.sd[0])
-        estimate = replace(trial.estimate, kept=tuple(own), values=np.array(list(own.values())))
-        return replace(trial, estimate=estimate)
+        return at_typical_sizes(regression, trial) if trial.option.compound and self.coupled else trial
 
     def exchanged(self, regression: Regression, offered: Sequence[Option]) -> bool:
         """Put in the place of an effect what is likelier, refitted; what is as likely joins the set.
@@ -216,10 +199,10 @@ class Search:
         self, regression: Regression, trial: Trial | Exchange, out: int = -1
     ) -> tuple[tuple[Placed, ...], tuple, np.ndarray]:
         """What is in and the members of `trial` as the regression has them, their priors, and the unknowns, (p,)."""
-        placed, priors = _begun(regression, trial)
+        placed, priors = begun(regression, trial)
         held = [law for i, law in enumerate(self.current.placed) if i != out]
-        gone = {out} | {i for law in placed for i in _held_by(law.effect, law.site, self.current.placed)}
-        placed = tuple(_with_held(law, held) for law in placed)
+        gone = {out} | {i for law in placed for i in held_by(law.effect, law.site, self.current.placed)}
+        placed = tuple(with_held(law, held) for law in placed)
         kept = [i for i in range(len(self.current.placed)) if i not in gone]
         steps = dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))
         numbers = [n.moved(steps.get(i, 0.0)) for i, n in enumerate(self.current.numbers)]
@@ -308,47 +291,3 @@ def explain(
         state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
         state.missing, leftover(final, state.missing),
     )  # fmt: skip
-
-
-def _begun(regression: Regression, trial: Trial) -> tuple[tuple[Placed, ...], tuple[dict[str, float], ...]]:
-    """Members of a trial with the values that the regression gives them, and the priors of their amplitudes."""
-    values: dict[int, dict[int, float]] = {}
-    for column, value in zip(trial.estimate.kept, trial.estimate.values, strict=True):
-        if column >= regression.p:
-            owner, amplitude = regression.columns.owners[column - regression.p]
-            values.setdefault(owner, {})[amplitude] = float(value)
-    tried, blends = regression.columns.candidates, {}
-    for owner in values:
-        blends.setdefault(tried[owner].name, []).append(owner)
-    placed = tuple(_blended([(tried[i], values[i]) for i in owners]) for owners in blends.values())
-    return placed, tuple(tried[owners[0]].priors for owners in blends.values())
-
-
-def _blended(parts: Sequence[tuple[Candidate, dict[int, float]]]) -> Placed:
-    """One effect at one site with the amplitudes of all its choices of shapes, (amplitude -> in sd) each, at the mean
-    of their shapes."""
-    (first, _), weights = parts[0], [sum(map(abs, own.values())) + 1e-12 for _, own in parts]
-    shapes = {name: float(np.average([c.shapes[name] for c, _ in parts], weights=weights)) for name in first.shapes}
-    amplitudes = [sum(own.get(i, 0.0) for _, own in parts) * sd for i, sd in enumerate(first.sd)]
-    return _within(replace(first, shapes=shapes).placed(amplitudes))
-
-
-def _held_by(effect: Effect, site: str, placed: Sequence[Placed]) -> list[int]:
-    """Which of `placed` are special cases of an effect at the same site."""
-    return [i for i, law in enumerate(placed) if law.site == site and law.effect.name in effect.contains]
-
-
-def _with_held(law: Placed, placed: Sequence[Placed]) -> Placed:
-    """A law that takes the place of its special cases begins with their amplitudes."""
-    values = dict(law.values)
-    for i in _held_by(law.effect, law.site, placed):
-        own = next(c for c in placed[i].effect.coefficients if not c.shape)
-        alike = [c.name for c in law.effect.coefficients if c.name in (own.name, placed[i].effect.name)]
-        for name in alike[:1]:
-            values[name] += placed[i].values[own.name]
-    return replace(law, values=values)
-
-
-def _within(placed: Placed) -> Placed:
-    values = {c.name: float(np.clip(placed.values[c.name], c.low, c.high)) for c in placed.effect.coefficients}
-    return replace(placed, values=values)

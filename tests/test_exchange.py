@@ -1,0 +1,84 @@
+"""What stands in the place of an effect that is in: likelier, simpler, or nothing."""
+
+import numpy as np
+import pytest
+from recorded import rod
+from scipy import stats
+from test_search import COUNT, alone, regression, white
+
+from fimpact.effects import EFFECTS
+from fimpact.selection.exchange import exchanges
+from fimpact.selection.forward import Search
+from fimpact.selection.options import options
+from fimpact.selection.regression import Regression
+from fimpact.smoothing.columns import at, columns
+from fimpact.smoothing.prepare import prepare
+from fimpact.smoothing.smoother import smooth
+
+SUSPECTS = "coulomb viscous torque_offset spring gain".split()
+
+
+def begun_with(friction: float, effect: str, site: str) -> tuple[Search, Regression, list]:
+    """A search on a rod with so much dry friction that has answered something already, and what it would ask next."""
+    made = prepare(rod(friction))
+    state = Search(made.track, made.begun, made.noise, [EFFECTS[name] for name in SUSPECTS], lambda line: None)
+    own = at(EFFECTS[effect], site, made.track.model, state.scales)[0]
+    placed = [own.placed([0.1 * sd for sd in own.sd])]
+    state.current = smooth(made.track, made.begun, made.noise, placed, [own.priors], state.naive)
+    tried = state.open(False)
+    offered = options(made.track.model, made.track.recording.channels, tried)
+    return state, Regression(state.current, columns(state.current, tried)), offered
+
+
+def test_the_evidence_is_the_marginal_likelihood_of_a_gaussian():
+    rows = 0.05 * white(3)
+    own = regression({0: 1.0}, rows)
+    data = own.columns.innovations[:, 0, 0] / np.sqrt(own.dispersion)
+
+    def exact(kept):
+        wide = np.eye(COUNT) + rows[:, kept] @ rows[:, kept].T / own.dispersion
+        return stats.multivariate_normal(np.zeros(COUNT), wide).logpdf(data)
+
+    told = [own.evidence(own.solve(kept)) for kept in ([0], [1], [0, 2])]
+    known = [exact(kept) for kept in ([0], [1], [0, 2])]
+    np.testing.assert_allclose(np.diff(told), np.diff(known), rtol=1e-9)
+
+
+def test_what_is_likelier_takes_the_place_of_what_was_answered_first():
+    state, asked, offered = begun_with(0.15, "viscous", "pivot")
+    assert state.exchanged(asked, offered)
+    assert [law.name for law in state.current.placed] == ["coulomb@pivot"]
+    assert state.current.placed[0].values["friction"] == pytest.approx(0.15, rel=0.02)
+
+
+def test_nothing_takes_the_place_of_what_is_worth_nothing():
+    state, asked, offered = begun_with(0.0, "torque_offset", "motor")
+    assert state.exchanged(asked, offered) and state.current.placed == ()
+
+
+def test_what_is_right_stays():
+    state, asked, offered = begun_with(0.15, "coulomb", "pivot")
+    assert not state.exchanged(asked, offered)
+    assert [law.name for law in state.current.placed] == ["coulomb@pivot"]
+    assert all(alternative.placed for alternative in state.alternatives)
+
+
+def test_taking_an_effect_away_leaves_the_data_of_a_model_without_it():
+    _, asked, _ = begun_with(0.15, "coulomb", "pivot")
+    rows, friction = asked.columns.innovations, asked.smoothed.numbers[0]
+    data = rows[:, 0, 0] + rows[:, 0, 1] * (1.0 if friction.log else friction.value)
+    without = asked.without(0)
+    np.testing.assert_allclose(without.square, np.bincount(asked.stretch, weights=data**2), rtol=1e-9)
+    np.testing.assert_allclose(without.right[:, 0], np.bincount(asked.stretch, weights=data * rows[:, 0, 1]), rtol=1e-9)
+    assert without.dispersion == asked.dispersion and without.square.sum() > 10 * asked.square.sum()
+
+
+def test_of_each_name_the_likeliest_shape_is_told():
+    _, asked, offered = begun_with(0.15, "viscous", "pivot")
+    told = [e.option.name for e in exchanges(asked, offered)]
+    assert len(told) == len(set(told)) and told[0] == "coulomb@pivot"
+
+
+def test_without_effects_there_is_nothing_to_exchange():
+    own = regression({0: 1.0}, white(2))
+    assert exchanges(own, alone(2)) == []

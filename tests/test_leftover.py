@@ -1,0 +1,71 @@
+"""Physics without a name: where it is and what it follows."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from recorded import ROD, arm, record, rod, waves
+
+from fimpact.effects import EFFECTS
+from fimpact.recordings import Recording
+from fimpact.selection.forced import fit_forced
+from fimpact.selection.leftover import Leftover, leftover, smooth_functions
+from fimpact.smoothing.prepare import prepare
+from fimpact.smoothing.smoother import smooth
+
+
+@cache
+def pulled(what: str) -> Recording:
+    """A rod whose pivot rubs in one place only, or that a wind blows at for a while in each run."""
+
+    def rough(model, data):
+        spot = np.exp(-(((data.qpos[0] - 0.3) / 0.15) ** 2))
+        return np.array([-0.08 * np.tanh(data.qvel[0] / 0.01) * spot])
+
+    def wind(model, data):
+        return np.array([0.05 * np.exp(-(((data.time - 2.0) / 0.4) ** 2))])
+
+    made = {"rough": rough, "wind": wind}[what]
+    return record(ROD, ("angle",), [waves(400, [0.2], i) for i in range(5)], 3e-4, pull=made, fine=20)
+
+
+def left_of(recording: Recording, *answered: tuple[str, str]) -> Leftover:
+    made = prepare(recording)
+    naive = smooth(made.track, made.begun, made.noise)
+    fit = fit_forced(made, naive, [(EFFECTS[name], site) for name, site in answered]) if answered else naive
+    return leftover(fit, (naive.tau**2).sum(0))
+
+
+@pytest.mark.parametrize(("what", "follows"), [("rough", "friction with position"), ("wind", "time")])
+def test_what_is_left_is_said_by_place_and_by_what_it_follows(what, follows):
+    found = left_of(pulled(what))
+    assert (found.dof, found.follows) == (0, follows) and found.share > 0.3
+
+
+@pytest.mark.parametrize("recording", [rod, arm])
+def test_where_nothing_is_missing_nothing_is_left(recording):
+    assert left_of(recording()) == Leftover(None, None, 0.0, ())
+
+
+def test_a_right_name_is_not_doubted_and_leaves_nothing():
+    assert left_of(rod(0.15), ("coulomb", "pivot")) == Leftover(None, None, 0.0, ())
+
+
+def test_a_name_that_a_smooth_function_beats_is_doubted():
+    assert left_of(pulled("rough"), ("viscous", "pivot")).doubted == ("viscous@pivot",)
+
+
+def test_a_smooth_function_is_one_everywhere_where_its_weights_are():
+    made = prepare(rod())
+    fit = smooth(made.track, made.begun, made.noise)
+    tried = {own.effect.name: own for own in smooth_functions(fit)}
+    assert set(tried) == {
+        "position", "speed", "time", "load", "friction with position", "friction with time", "friction with load",
+    }  # fmt: skip
+
+    class State:
+        def on_joint(self, dof, force):
+            return force
+
+    own = tried["position"]
+    np.testing.assert_allclose(own.effect.law(State(), own.site, **dict.fromkeys(own.names, 2.0)), 2.0)
