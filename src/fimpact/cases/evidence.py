@@ -8,11 +8,13 @@ from fimpact.cases.names import OPEN
 
 CLOCKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 EPOCH = 9e8, 5e9  # s since 1970, of 1998 to 2128
+SLOW = 10.0  # s, at most between samples since 1970
 STEPS = 2.5e-4, 0.25  # s between samples, so that no two of the units fit
 OTHER = {"rad": ("deg", np.pi / 180), "m": ("mm", 1e-3)}
 SLACK = 0.1  # of a range, by which readings may leave it
 MOVED = 0.05  # of their ranges, that joints in a log move at least
 SHARE, GRIPPER_SHARE = "-100..100", "0..100"
+FULL = 105.0  # of 100, that a joint which gives way at its end may reach
 TURN = 360.0
 TICKS = 4095, 4096  # of a turn of a servo's encoder
 
@@ -25,7 +27,7 @@ def time_unit(values: np.ndarray) -> tuple[str, str]:
     steps = np.diff(known)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     for unit, scale in CLOCKS.items():
-        if known.size and EPOCH[0] < np.median(known) * scale < EPOCH[1]:
+        if known.size and EPOCH[0] < known.min() * scale < EPOCH[1] and step * scale < SLOW:
             return unit, f"it counts from 1970, by {step:.4g}"
     counted = step == 1.0 and np.array_equal(known, np.round(known))
     fitting = [unit for unit, scale in CLOCKS.items() if STEPS[0] < step * scale <= STEPS[1]]
@@ -51,7 +53,7 @@ def position_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
             return wanted, f"they move over {share:.0%} of the joints' ranges, in {other} over {share * scale:.1%}"
         return OPEN, f"they move over {share:.1%} of the joints' ranges only"
     scaled = _fits(limited, scale)
-    normalised = all(np.abs(values).max() <= 100.5 for values, _ in limited)
+    normalised = all(np.abs(values).max() <= FULL for values, _ in limited)
     if wanted == "rad" and scaled and all(_ticks(values) for values, _ in columns):
         return other, "they are whole steps of an encoder of 4096 a turn"
     if scaled and normalised:
@@ -62,12 +64,14 @@ def position_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
     return OPEN, f"in {wanted} and in {other} they leave the joints' ranges"
 
 
+def may_be_share(values: np.ndarray) -> bool:
+    """Whether readings of a gripper can be its opening in percent."""
+    return _fits([(values, (0.0, 100.0))], 1.0)
+
+
 def share_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
-    """The unit of grippers and why, where other joints are no longer in the MJCF's unit; else `OPEN`."""
+    """The unit of grippers that may be open by so many percent, and why; else `OPEN`."""
     limited = [(values[np.isfinite(values)], limits) for values, limits in columns if limits]
-    shares = all(np.nanmin(values) > -0.5 and np.nanmax(values) < 100.5 for values, _ in columns)
-    if not shares:
-        return position_unit(columns, wanted)
     other, scale = OTHER[wanted]
     if limited and not _fits(limited, scale):
         return GRIPPER_SHARE, f"in {other} they leave the joint's range"
@@ -77,7 +81,7 @@ def share_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
 def _fits(columns: Sequence[Bounded], scale: float) -> bool:
     for values, (low, high) in columns:
         slack = SLACK * (high - low)
-        if values.min() * scale < low - slack or values.max() * scale > high + slack:
+        if np.nanmin(values) * scale < low - slack or np.nanmax(values) * scale > high + slack:
             return False
     return True
 

@@ -191,7 +191,7 @@ def _vectors(naive: Naive, table: Table) -> Iterator[tuple[str, Match]]:
         if found and role(column).side not in ("commanded", "neither"):
             groups.setdefault((column.group, found[1]), {})[found[2]] = column
     for (group, stem), axes in groups.items():
-        quantity = _vector(words(stem) or words(group), axes)
+        quantity = _vector(words(stem) or (words(group) if group.startswith("/") else set()), axes)
         order = "wxyz" if quantity == "orientation" else "xyz"
         place = _vector_place(naive, quantity) if quantity and set(order) <= set(axes) else None
         if place:
