@@ -139,6 +139,20 @@ def test_what_stands_in_another_order_of_words_is_taken_by_it(tmp_path, capsys):
     assert said.count("by its order alone: check it") == 2
 
 
+def test_commands_in_another_order_than_the_joints_are_told_by_how_they_move(tmp_path, capsys):
+    content = messages(RUNS[0])
+    for _, kind, _, message in content:
+        if kind.endswith("Float64MultiArray"):
+            message["data"] = [message["data"][i] for i in (0, 2, 1, 3, 4, 5)]
+    _, said = first(tmp_path, [mcap(tmp_path / "log.mcap", content)], capsys)
+    for joint, other in (("shoulder_lift", "elbow_flex"), ("elbow_flex", "shoulder_lift")):
+        assert f"moves as '{other}' does, not as '{joint}'" in said
+    assert said.count("moves as") == 2
+    (tmp_path / "case.yaml").unlink()
+    _, said = first(tmp_path, [mcap(tmp_path / "log.mcap", messages(RUNS[0]))], capsys)
+    assert "their joints follow them (correlation 0.9" in said
+
+
 def test_commands_alone_are_no_measurements(tmp_path, capsys):
     logs = table(RUNS)
     logs.drop(columns=[name for name in logs if "observation" in name]).to_csv(tmp_path / "log.csv", index=False)

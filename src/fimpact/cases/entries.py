@@ -3,11 +3,11 @@
 import numpy as np
 
 from fimpact.cases.draft import Asked, First, some
-from fimpact.cases.evidence import OTHER, may_be_share, position_unit, share_unit
+from fimpact.cases.evidence import OTHER, alike, may_be_share, position_unit, share_unit
 from fimpact.cases.matching import NAME, Match, Matches
 from fimpact.cases.model import Naive
 from fimpact.cases.names import OPEN, best, unit, words
-from fimpact.cases.readers import SI, Column
+from fimpact.cases.readers import SI, Column, Table
 from fimpact.cases.roles import KNOWN
 from fimpact.cases.units import same_dimension
 
@@ -16,15 +16,23 @@ GRIPPERS = {"gripper", "jaw", "grip"}
 PARTS = ("commands", "measurements")
 
 
-def write_entries(naive: Naive, found: Matches, first: First) -> None:
-    """Put commands and measurements into a first case, and say what is open or was concluded."""
+def write_entries(naive: Naive, table: Table, found: Matches, first: First) -> None:
+    """Put commands and measurements into a first case, and say what is open or was concluded.
+
+    Args:
+        table: every column of the log, its times among them.
+    """
     units = _units(naive, found, first)
     for part in PARTS:
         entries = {key: _entry(match, units[part, key]) for key, match in getattr(found, part).items()}
+        for key, entry in entries.items():
+            if entry["unit"] == "counts" and part == "measurements":
+                first.open.append(f"measurements.{key}.counts_per_rev: the counts of one revolution")
         if entries or part == "measurements":
             first.case[part] = entries
     _say_commands(found, first)
     _say_how(found, first)
+    _say_alike(naive, table, found, first)
     _say_left(naive, found, first)
 
 
@@ -159,6 +167,26 @@ def _say_how(found: Matches, first: First) -> None:
             keys = [key for key, match in table.items() if match.how == how]
             columns = some([named(column) for key in keys for column in table[key].columns])
             first.taken.append(f"{part}: {columns} taken for {some(keys)} {how}: check it")
+
+
+def _say_alike(naive: Naive, table: Table, found: Matches, first: First) -> None:
+    """Whether servos' joints move as the commands that were taken for them by number or order."""
+    times = {one.group: one.values for one in table if one.name == first.case["time"]["column"]}
+    told = {match.joint: (key, match) for key, match in found.commands.items() if match.joint and match.how != NAME}
+    seen = {m.place.get("joint", m.joint): m for m in found.measurements.values() if m.joint}
+    matched = {joint: match for joint, (_, match) in told.items()}, seen
+    columns = [{joint: match.columns[0] for joint, match in part.items()} for part in matched]
+    own, other = alike(
+        *({j: (times[c.group], c.values) for j, c in part.items() if c.group in times} for part in columns)
+    )
+    for joint, better in other.items():
+        key, match = told[joint]
+        first.open.append(
+            f"commands.{key}: '{named(match.columns[0])}' moves as '{better}' does, not as '{joint}' "
+            f"(correlation {own[joint]:.2f}): give each its own column"
+        )
+    if own and not other:
+        first.taken.append(f"commands: their joints follow them (correlation {min(own.values()):.2f} and more)")
 
 
 def _say_left(naive: Naive, found: Matches, first: First) -> None:

@@ -18,6 +18,8 @@ FULL = 105.0  # of 100, that a joint which gives way at its end may reach
 TURN = 360.0
 TICKS = 4095, 4096  # of a turn of a servo's encoder
 
+ALIKE, APART = 0.9, 0.2  # correlation of a command with what follows it, and by how much it is above the others
+Moving = tuple[np.ndarray, np.ndarray]  # times and values
 Bounded = tuple[np.ndarray, tuple[float, float] | None]  # values, and the range of their joint in SI
 
 
@@ -76,6 +78,37 @@ def share_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
     if limited and not _fits(limited, scale):
         return GRIPPER_SHARE, f"in {other} they leave the joint's range"
     return OPEN, f"{GRIPPER_SHARE} (of the joint's range) or {other} fit alike"
+
+
+def alike(commands: dict[str, Moving], positions: dict[str, Moving]) -> tuple[dict[str, float], dict[str, str]]:
+    """How well each joint follows its command (correlation), and the joint that follows it far better, where one does.
+
+    Args:
+        commands, positions: of servos' joints, by the joint.
+    """
+    own, other = {}, {}
+    for joint in commands.keys() & positions.keys():
+        follow = {name: _correlation(commands[joint], position) for name, position in positions.items()}
+        best = max(follow, key=follow.get)
+        own[joint] = follow[joint]
+        if follow[best] > max(ALIKE, follow[joint] + APART):
+            other[joint] = best
+    return own, other
+
+
+def _correlation(command: Moving, position: Moving) -> float:
+    """Of a command and a position at the position's times, where both are known."""
+    if command[0] is position[0]:  # of one table; its time may begin again with each run
+        known = np.isfinite(command[1]) & np.isfinite(position[1])
+        return _of_both(command[1][known], position[1][known])
+    kept = [np.isfinite(times) & np.isfinite(values) for times, values in (command, position)]
+    (at, given), (when, seen) = ((t[k], v[k]) for (t, v), k in zip((command, position), kept, strict=True))
+    inside = (when >= at.min(initial=np.inf)) & (when <= at.max(initial=-np.inf))
+    return _of_both(np.interp(when[inside], at, given), seen[inside]) if inside.any() else 0.0
+
+
+def _of_both(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.corrcoef(one, other)[0, 1]) if len(one) > 2 and np.ptp(one) > 0 and np.ptp(other) > 0 else 0.0
 
 
 def _fits(columns: Sequence[Bounded], scale: float) -> bool:

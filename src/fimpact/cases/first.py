@@ -36,7 +36,7 @@ def first_case(model: Path, logs: list[Path], out: Path) -> First:
     apart = {id(column) for column in (time, rest, by)} | {id(column) for column in table if column.clock}
     found = matches(naive, [column for column in table if id(column) not in apart])
     first.case["runs"] = _runs([_relative(log, out) for log in logs], time, by, first)
-    write_entries(naive, found, first)
+    write_entries(naive, table, found, first)
     if not first.case["measurements"]:
         names = ", ".join(column.name for column in table) or f"none with numbers{_texts(everything)}"
         raise CaseError(f"no column of {logs[0]} names a joint or sensor of {model}; its columns: {names}; rename them")
