@@ -186,7 +186,7 @@ def _say_alike(naive: Naive, table: Table, found: Matches, first: First) -> None
             f"(correlation {own[joint]:.2f}): give each its own column"
         )
     if own and not other:
-        first.taken.append(f"commands: their joints follow them (correlation {min(own.values()):.2f} and more)")
+        first.taken.append(f"commands: correlation with how their joints move: {min(own.values()):.2f} and more")
 
 
 def _say_left(naive: Naive, found: Matches, first: First) -> None:

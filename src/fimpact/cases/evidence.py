@@ -14,7 +14,7 @@ OTHER = {"rad": ("deg", np.pi / 180), "m": ("mm", 1e-3)}
 SLACK = 0.1  # of a range, by which readings may leave it
 MOVED = 0.05  # of their ranges, that joints in a log move at least
 SHARE, GRIPPER_SHARE = "-100..100", "0..100"
-FULL = 105.0  # of 100, that a joint which gives way at its end may reach
+FULL = 0.025  # of a range, by which a share of it may leave it, where a joint gives way at its end
 TURN = 360.0
 TICKS = 4095, 4096  # of a turn of a servo's encoder
 
@@ -49,21 +49,20 @@ def position_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
     if not limited:
         return OPEN, "the MJCF gives their joints no range to judge by"
     other, scale = OTHER[wanted]
-    if _fits(limited, 1.0):
-        share = float(np.median([np.ptp(values) / (limits[1] - limits[0]) for values, limits in limited]))
-        if share > MOVED:
-            return wanted, f"they move over {share:.0%} of the joints' ranges, in {other} over {share * scale:.1%}"
-        return OPEN, f"they move over {share:.1%} of the joints' ranges only"
-    scaled = _fits(limited, scale)
-    normalised = all(np.abs(values).max() <= FULL for values, _ in limited)
-    if wanted == "rad" and scaled and all(_ticks(values) for values, _ in columns):
+    if wanted == "rad" and _fits(limited, scale) and all(_ticks(values) for values, _ in columns):
         return other, "they are whole steps of an encoder of 4096 a turn"
-    if scaled and normalised:
-        return OPEN, f"{other} or {SHARE} (of the joint's range) fit the joints' ranges alike"
-    if scaled or normalised:
-        failing = wanted if scaled else f"{wanted} and in {other}"
-        return (other if scaled else SHARE), f"in {failing} they leave the joints' ranges"
-    return OPEN, f"in {wanted} and in {other} they leave the joints' ranges"
+    widths = [(np.ptp(values), limits[1] - limits[0]) for values, limits in limited]
+    moved = {
+        wanted: float(np.median([went / width for went, width in widths])) * _fits(limited, 1.0),
+        other: float(np.median([scale * went / width for went, width in widths])) * _fits(limited, scale),
+        SHARE: float(np.median([went / 200 for went, _ in widths]))
+        * _fits([(v, (-100.0, 100.0)) for v, _ in limited], 1.0, FULL),
+    }
+    fitting = [unit for unit, share in moved.items() if share > MOVED]
+    if len(fitting) == 1:
+        return fitting[0], f"joints then move over {moved[fitting[0]]:.0%} of their ranges, and nothing else fits these"
+    either = " or ".join(fitting) if fitting else f"neither {wanted} nor {other} nor {SHARE}"
+    return OPEN, f"{either} fits the joints' ranges and how far joints move{' alike' if fitting else ''}"
 
 
 def may_be_share(values: np.ndarray) -> bool:
@@ -111,9 +110,9 @@ def _of_both(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.corrcoef(one, other)[0, 1]) if len(one) > 2 and np.ptp(one) > 0 and np.ptp(other) > 0 else 0.0
 
 
-def _fits(columns: Sequence[Bounded], scale: float) -> bool:
+def _fits(columns: Sequence[Bounded], scale: float, beyond: float = SLACK) -> bool:
     for values, (low, high) in columns:
-        slack = SLACK * (high - low)
+        slack = beyond * (high - low)
         if np.nanmin(values) * scale < low - slack or np.nanmax(values) * scale > high + slack:
             return False
     return True
