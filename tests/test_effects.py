@@ -205,7 +205,7 @@ def test_catalogue_is_large_and_named_once():
 
 def test_unknown_effect_lists_the_known():
     """The message says what there is."""
-    with pytest.raises(ValueError, match=r"'gremlin' not found; available: coulomb, .*clock_drift"):
+    with pytest.raises(ValueError, match=r"'gremlin' not found; allowed: coulomb, .*lists them all"):
         get_effect("gremlin")
     assert get_effect("coulomb") is EFFECTS["coulomb"]
 

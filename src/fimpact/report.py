@@ -3,8 +3,8 @@
 import base64
 import os
 import shutil
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import matplotlib.pyplot as plt
 from markupsafe import Markup
 
 from fimpact.diagnosis.pipeline import Diagnosis
+from fimpact.drafts import draft_folder, made
 from fimpact.effects.base import words
 from fimpact.experiments.described import COMMANDS, START, described, write_experiment
 from fimpact.experiments.design import Experiment
@@ -46,17 +47,31 @@ def write_report(
     Raises:
         FileExistsError: `folder` holds files that are no part of a report.
     """
-    check_folder(Path(folder))
     folder = Path(folder).resolve()
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    building = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
+    with reserved(folder) as building:
         _fill(diagnosis, building, experiment, provenance)
         building.chmod(0o755)
         _swap(building, folder)
-    finally:
-        shutil.rmtree(building, ignore_errors=True)
     return folder / PAGE
+
+
+@contextmanager
+def reserved(folder: Path) -> Iterator[Path]:
+    """Make the folder beside `folder` in which a report is made, and whatever folders are above; all of them are gone
+    again if it fails, and of a process that was killed with the next one.
+
+    Raises:
+        FileExistsError: `folder` holds files that are no report. PermissionError: nothing can be written there.
+    """
+    check_folder(folder)
+    folder = folder.resolve()
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(made(folder.parent))
+            building = stack.enter_context(draft_folder(folder.parent, f".{folder.name}-draft-"))
+        except OSError as error:
+            raise PermissionError(f"{folder} cannot be made ({error.strerror}); choose another with --out") from None
+        yield building
 
 
 def check_folder(folder: Path) -> None:

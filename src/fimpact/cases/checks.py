@@ -17,6 +17,7 @@ from fimpact.recordings import Recording
 
 DEGREES, THOUSAND = 180 / np.pi, 1000.0
 LIKE = 1.25  # a factor within this of a known one is taken for it
+LOUDEST = 3.0  # times all that is read: a noise that is declared so cannot be
 FAR = 1.3  # the speed may be this much off the derivative of the position before it is doubted
 KNOWN = (  # derivative of the position over the speed, and what it tells
     (DEGREES, "the position is in degrees but declared as radians"),
@@ -89,7 +90,7 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
     Raises:
         CaseError: the first thing that cannot be right.
     """
-    for check in (_lengths, _same_runs):
+    for check in (_lengths, _same_runs, _noises):
         for complaint in check(recording):
             raise CaseError(complaint)
     for check in (_still, _ranges, _cutoffs, _speeds, _dynamics):
@@ -128,6 +129,16 @@ def _same_runs(recording: Recording) -> Iterator[str]:
             yield (
                 f"held-out run '{run.name}' and training run '{seen[run.measured.tobytes()]}' hold the same numbers; "
                 "a copy judges nothing; hold out another recording"
+            )
+
+
+def _noises(recording: Recording) -> Iterator[str]:
+    for name, noise in zip(recording.channels, recording.noise, strict=True):
+        spread = float(np.nanstd(_values(recording, name))) if np.isfinite(_values(recording, name)).any() else 0.0
+        if 0 < LOUDEST * spread < noise:
+            yield (
+                f"the noise of '{name}' is declared as {noise:.4g} in SI units, but all that it reads, motion "
+                f"included, has a standard deviation of {spread:.4g}; allowed: less; correct `noise`, or remove it"
             )
 
 

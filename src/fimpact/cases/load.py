@@ -43,9 +43,9 @@ def load(path: Path) -> dict:
     """
     case = _read(Path(path), ())
     error = most_telling(Draft202012Validator(_schema()).iter_errors(case))
-    complaint = in_words(error) if error else _not_finite(case)
+    complaint = in_words(error) if error else _not_finite(case) or _not_printable(case)
     if complaint:
-        raise CaseError(f"{path}: {complaint} (all keys: config/recordings/README.md)")
+        raise CaseError(f"{path}: {complaint} (all keys: `fimpact keys`)")
     return case
 
 
@@ -72,7 +72,7 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict:
     if _entries(case) > MOST:
         raise CaseError(f"{path} has more than {MOST} entries once its aliases are unfolded; write it without them")
     if not isinstance(case, dict):
-        raise CaseError(f"{path} is not a table of keys; see config/recordings/README.md for an example")
+        raise CaseError(f"{path} is not a table of keys; `fimpact keys` shows an example")
     return _extended(_anchored(case, path.parent), path, seen)
 
 
@@ -106,6 +106,16 @@ def _merged(base: dict, over: dict) -> dict:
 
 def _tables(one: object, other: object) -> bool:
     return isinstance(one, dict) and isinstance(other, dict)
+
+
+def _not_printable(table: object) -> str | None:
+    """A key or a text that no terminal should be sent."""
+    if isinstance(table, dict | list):
+        parts = table.items() if isinstance(table, dict) else enumerate(table)
+        return next((c for part, value in parts if (c := _not_printable(part) or _not_printable(value))), None)
+    if isinstance(table, str) and not table.isprintable():
+        return f"{table!a} has a character that cannot be printed; allowed: letters, digits and signs; rename it"
+    return None
 
 
 def _not_finite(table: dict | list, path: tuple = ()) -> str | None:

@@ -1,5 +1,6 @@
 """Files of measured data as named columns: CSV, Parquet, NPZ, MATLAB v5, MCAP. Nothing here runs code of a file."""
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from fimpact.cases.errors import CaseError, listed, reason
 
 SPAN = 100 * 86_400 * 10**9  # ns that float holds exactly: 100 days
 LARGEST = 4 << 30  # bytes of numbers in a file; more than this is a compressed bomb or needs decimation before
+WIDEST = 10_000  # columns of a file
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,9 @@ def _parquet(path: Path) -> Table:
 
 def _arrow(table, path: Path) -> Table:
     names = [name.strip() for name in table.column_names]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    if len(names) > WIDEST:
+        raise CaseError(f"data file {path} has {len(names)} columns; allowed: {WIDEST}; leave out what is not needed")
+    twice = sorted(name for name, times in Counter(names).items() if times > 1)
     if twice:
         raise CaseError(f"data file {path} has two columns named '{twice[0]}'; rename one of them")
     columns = zip(names, table.columns, strict=True)

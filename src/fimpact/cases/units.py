@@ -4,6 +4,7 @@ Angle and counts are dimensions of their own here, unlike in SI: rad is not 1 an
 of encoder counts or revolutions can never pass for an angle in radians.
 """
 
+import re
 from functools import cache
 from math import isfinite, tau
 
@@ -28,6 +29,7 @@ DERIVED = (
     "pound_force = 4.4482216152605 * newton = lbf",
 )
 EXAMPLES = "m, mm, rad, deg, rev, counts, s, ms, m/s, rad/s, deg/s, rpm, m/s^2, g_n, N, N m, mN m, V, A, 1"
+LONGEST = 80  # letters of a unit or a gain
 
 
 @cache
@@ -45,6 +47,8 @@ def _registry():
 def _quantity(text: str, where: str):
     plain = text.replace("°", " deg").replace("·", "*").replace("\u03bc", "µ").strip()
     try:
+        if len(plain) > LONGEST or _is_tower(plain):
+            raise ValueError("too long, or a power of a power or beyond 9")
         return _registry().Quantity(plain) if plain not in ("1", "") else _registry().Quantity(1.0, "")
     except Exception as error:
         why = f" ({reason(error)})" if str(error) else ""
@@ -52,6 +56,13 @@ def _quantity(text: str, where: str):
             f"{where} is '{text}', which is not a unit{why}; allowed for example: {EXAMPLES}; "
             "declare the unit that the file uses"
         ) from None
+
+
+def _is_tower(text: str) -> bool:
+    """Whether a power has more than one digit or a power of its own: it would be evaluated for ever."""
+    powers = re.split(r"\*\*|\^", text)[1:]
+    nested = any(not power.strip("()+-0123456789. ") for power in powers[:-1])
+    return nested or not all(re.match(r"\s*\(?\s*[-+]?\d\s*\)?(?![\d.])", power) for power in powers)
 
 
 def factor(text: str, wanted: str | None, where: str, gain: str | None = None, per_rev: float | None = None) -> float:

@@ -3,6 +3,7 @@
 An effect of one's own is a function and an `Effect` that names it; `EFFECTS[effect.name] = effect` adds it.
 """
 
+from fimpact.cases.errors import listed
 from fimpact.effects import actuation, contact, environment, friction, masses, sensing, structure, transmission
 from fimpact.effects.base import Effect
 
@@ -16,8 +17,8 @@ def get_effect(name: str) -> Effect:
     """The entry called `name`.
 
     Raises:
-        ValueError: no such entry; the message lists those that exist.
+        ValueError: no such entry; the message names the nearest.
     """
     if name not in EFFECTS:
-        raise ValueError(f"effect '{name}' not found; available: {', '.join(EFFECTS)}")
+        raise ValueError(f"effect '{name}' not found; {listed(EFFECTS, name)}; `fimpact effects` lists them all")
     return EFFECTS[name]
