@@ -5,6 +5,7 @@ argparse, because it ends with exit code 2 on bad usage as everything here does 
 """
 
 import argparse
+import io
 import math
 import os
 import signal
@@ -12,6 +13,7 @@ import sys
 import threading
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -34,9 +36,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0; 2 on bad input and 1 at a fault of this program, with one line on standard error and nothing written; 130 if
         it was interrupted.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal that lacks a letter gets its number
+            stream.reconfigure(errors="backslashreplace")
     options = _parser().parse_args(arguments)
     try:
-        with _ended_as_interrupted():
+        with _ended_as_interrupted(), warnings.catch_warnings():
+            warnings.simplefilter("default" if os.environ.get(TRACEBACK) else "ignore")  # of libraries, to programmers
             return options.run(options) or 0
     except BrokenPipeError:  # whoever read the list has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -170,7 +176,7 @@ def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
     from fimpact.drafts import check_apart, draft_folder
 
     if out.exists() and not out.is_file():
-        raise ValueError(f"{out} is a folder or a device; name a file with -o")
+        raise ValueError(f"{out} is {'a folder' if out.is_dir() else 'no ordinary file'}; name a file with -o")
     parent = out.resolve().parent
     if not parent.is_dir():
         raise ValueError(f"{parent} is not a folder; make it, or choose another name with -o")

@@ -17,6 +17,7 @@ from fimpact.recordings import Recording
 
 DEGREES, THOUSAND = 180 / np.pi, 1000.0
 LIKE = 1.25  # a factor within this of a known one is taken for it
+NOTHING = 1e-12  # of anything measured, in SI units
 LOUDEST = 3.0  # times all that is read: a noise that is declared so cannot be
 FAR = 1.3  # the speed may be this much off the derivative of the position before it is doubted
 KNOWN = (  # derivative of the position over the speed, and what it tells
@@ -146,14 +147,14 @@ def _still(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> 
     for channel in seen:
         values = np.column_stack([_values(recording, name) for name in channel.names])
         known = values[np.isfinite(values).all(axis=1)]
-        if not known.any():
+        if not np.abs(known).max(initial=0.0) > NOTHING:
             what = "0" if len(known) else "absent"
             yield "silent", f"'{channel.sensor}' is {what} in every run: a silent sensor; correct its column"
         elif not np.ptp(known, axis=0).any():
             yield "constant", f"'{channel.sensor}' is constant, {known[0, 0]:.6g} in every run; correct its column"
     ctrl = np.concatenate([run.ctrl for run in recording.runs])
     for actuator, values in enumerate(ctrl.T):
-        if np.ptp(values) == 0:
+        if np.ptp(values) <= 1e-9 * np.abs(values).max():  # but for what rounding does to means over a period
             name = model.actuator(actuator).name
             yield "constant", f"the command of '{name}' is constant, {values[0]:.6g} in every run; correct its column"
 

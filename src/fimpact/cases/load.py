@@ -12,6 +12,7 @@ from fimpact.complaints import in_words, most_telling, name
 
 SCHEMA = Path(__file__).with_name("schema.yaml")
 MOST = 100_000  # values of a case
+LARGEST = 1e15  # of any number in a case
 
 
 class _Loader(yaml.SafeLoader):
@@ -119,9 +120,15 @@ def _not_printable(table: object) -> str | None:
 
 
 def _not_finite(table: dict | list, path: tuple = ()) -> str | None:
+    """A number that is none, or that no case has."""
     for part, value in table.items() if isinstance(table, dict) else enumerate(table):
+        if part == "select":  # any value of a column
+            continue
         if isinstance(value, dict | list) and (complaint := _not_finite(value, (*path, part))):
             return complaint
         if isinstance(value, float) and not isfinite(value):
             return f"{name((*path, part))} is {value}; it must be a finite number"
+        if isinstance(value, int | float) and value and not 1 / LARGEST <= abs(value) <= LARGEST:
+            got = f"{value:g}" if isinstance(value, float) else f"a number of {len(str(abs(value)))} digits"
+            return f"{name((*path, part))} is {got}; it must be 0, or between {1 / LARGEST:g} and {LARGEST:g} in size"
     return None

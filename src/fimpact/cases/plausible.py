@@ -14,6 +14,7 @@ from fimpact.cases.errors import CaseError
 TIMESTEP = (1e-6, 1.0)  # s
 GRAVITY = 1000.0  # m/s^2, some times that of the sun
 FRICTIONS = ("damping", "frictionloss", "armature")  # of joints; negative ones would drive them
+LONGEST, MEMORY = 10_000, 4 << 30  # iterations of the solver in a time step; bytes of an MjData
 HUGE = 1e12  # of anything, in SI units
 FIELDS = {
     "body": ("pos", "ipos", "mass", "inertia"),
@@ -58,12 +59,18 @@ def _complaints(model: mujoco.MjModel) -> Iterator[str]:
         if not np.abs(value).max() <= GRAVITY:
             yield f"{what} is {' '.join(f'{own:g}' for own in value)}; allowed: up to {GRAVITY:g} in SI units"
     for what in FRICTIONS:
-        for dof in np.flatnonzero(~(getattr(model, f"dof_{what}") >= 0)):
+        values = getattr(model, f"dof_{what}")
+        for dof in np.flatnonzero(~((values >= 0) & (values <= HUGE))):
             joint = model.joint(model.dof_jntid[dof]).name
-            yield f"{what} of joint '{joint}' is {getattr(model, f'dof_{what}')[dof]:g}; allowed: 0 or more"
+            yield f"{what} of joint '{joint}' is {values[dof]:g}; allowed: 0 or more, in SI units"
     for density in ("density", "viscosity"):
         if not 0 <= getattr(model.opt, density) <= HUGE:
             yield f"{density} is {getattr(model.opt, density):g}; allowed: 0 or more"
+    for count in ("iterations", "ls_iterations", "noslip_iterations", "sdf_iterations"):
+        if not 0 <= getattr(model.opt, count) <= LONGEST:
+            yield f"{count} is {getattr(model.opt, count)}; allowed: up to {LONGEST}, so that a time step ends"
+    if model.narena > MEMORY:
+        yield f"memory is {model.narena >> 20} MB; allowed: up to {MEMORY >> 20} MB"
     yield from _endless(model)
 
 

@@ -15,6 +15,8 @@ from fimpact.cases.timebase import GAP, HELD, Series, checked_time, held, noise_
 from fimpact.cases.units import factor
 
 FEWEST = 8  # samples of a run
+LARGEST = 1e9  # of what is measured or commanded, in SI units
+PERIODS = (1e-7, 100.0)  # s between samples
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,9 @@ class _Reader:
         if present.sum() < FEWEST:
             raise CaseError(f"{here} has {present.sum()} samples; allowed: {FEWEST} or more; remove the run")
         checked = checked_time(time[present], here, column.numbers[present])
-        series = Series(checked, (column.values[present] + offset) * scale)
-        return _not_mostly_gaps(series, here)
+        with np.errstate(over="ignore"):
+            series = Series(checked, (column.values[present] + offset) * scale)
+        return _not_mostly_gaps(_measurable(series, here), here)
 
     def _present(self, column: Column, here: str) -> np.ndarray:
         if column.values.dtype.kind not in "f":
@@ -128,6 +131,21 @@ class _Reader:
         if times.values.dtype.kind != "f":
             raise CaseError(f"{here}: its time '{times.name}' is text; allowed: numbers or ISO dates; correct `time`")
         return times
+
+
+def _measurable(series: Series, here: str) -> Series:
+    largest = np.abs(series.value).max()
+    if not largest <= LARGEST:
+        raise CaseError(
+            f"{here} goes up to {largest:.4g} in SI units, which nothing measures; allowed: up to {LARGEST:g}; "
+            "correct the column, its unit or its scale"
+        )
+    low, high = PERIODS
+    if not low <= series.period <= high:
+        raise CaseError(
+            f"{here} has a sample every {series.period:.4g} s; allowed: every {low:g} to {high:g} s; correct time.unit"
+        )
+    return series
 
 
 def _not_mostly_gaps(series: Series, here: str) -> Series:
