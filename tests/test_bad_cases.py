@@ -8,8 +8,6 @@ from fimpact.cli import main
 MOTOR, ANGLE = ("commands", "drive"), ("measurements", "shoulder")
 TEXT = "model: arm.xml\ntime: {column: time, unit: s}\n"
 TEXT += "runs: [{file: monday.csv}, {file: tuesday.csv, held_out: true}]\n"
-    "model: arm.xml\ntime: {column: time, unit: s}\nruns: [{file: monday.csv}, {file: tuesday.csv, held_out: true}]\n"
-)
 TEXT += "commands: {drive: {column: torque, unit: N m}}\nmeasurements: {shoulder: {column: angle, unit: rad}}\n"
 
 

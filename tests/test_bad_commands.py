@@ -97,7 +97,7 @@ BAD = [  # the command, a word of the refusal
     *((("diagnose", "case.yaml", "--effects", name), name) for name in EFFECTS if name.endswith(".py")),
     (("resolve", "case.yaml"), "diagnose"),
     (("resolve", "case.yaml", "--out", "case.yaml"), "diagnose"),
-    *((("resolve", "case.yaml", "--out", name), "diagnosis") for name in ("answers", "older", "lists", "texts", "binary")),
+    *((("resolve", "case.yaml", "--out", name[:-15]), "diagnosis") for name in EFFECTS if name.endswith(".json")),
     (("effects", "now", "please", "all"), "all"),
     (("keys", "case.yaml"), "case.yaml"),
 ]  # fmt: skip
@@ -209,9 +209,7 @@ def test_a_fault_of_ours_is_a_line_too(folder, capfd, monkeypatch):
 
 def test_a_terminal_without_unicode_gets_the_words(folder):
     environment = os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
-    (folder / "arm.xml").write_text(
-        MODEL.replace('name="shoulder"', 'name="Schülter"').replace('"shoulder"', '"Schülter"')
-    )
+    (folder / "arm.xml").write_text(MODEL.replace('"shoulder"', '"Schülter"'), encoding="utf-8")
     case = yaml.safe_load(yaml.safe_dump(CASE))
     case["measurements"] = {"Schülter": case["measurements"]["shoulder"]}
     (folder / "case.yaml").write_text(yaml.safe_dump(case, allow_unicode=True), encoding="utf-8")
@@ -224,17 +222,12 @@ def test_a_terminal_without_unicode_gets_the_words(folder):
 def test_counts_come_with_rate_and_time_left(capsys):
     now = iter([0.0, 2.0, 4.0, 4.5, 20.0, 22.0])
     tell = Teller(lambda: next(now))
-    for line in (
-        "smoothing: step 1 of at most 20, a",
-        "smoothing: step 2 of at most 20",
-        "smoothing: step 3 of at most 20",
-    ):
-        tell(line)
-    tell("smoothing: step 20 of at most 20")
+    for step in (1, 2, 3, 20):
+        tell(f"smoothing: step {step} of at most 20, a")
     tell("proving")
     assert capsys.readouterr().err.splitlines() == [
         "smoothing: step 1 of at most 20, a (0.5 a second, at most 38 s left)",
-        "smoothing: step 2 of at most 20 (0.5 a second, at most 36 s left)",
-        "smoothing: step 20 of at most 20",
+        "smoothing: step 2 of at most 20, a (0.5 a second, at most 36 s left)",
+        "smoothing: step 20 of at most 20, a",
         "proving",
     ]
