@@ -28,7 +28,6 @@ FEWEST = 20  # of them that touch nothing
 SMOOTHERS = (7, 15, 45)  # samples of the local parabola; that in which the model agrees best counts
 SCALE = 4.0  # masses of a naive model may be this much off
 TERMS = (1 / SCALE, 1 / SCALE, 0.0), (SCALE, SCALE, SCALE)  # of what position, commands and speed do
-SAME_PLACE = int(mujoco.mjtStage.mjSTAGE_POS)  # what depends on positions alone is as it was
 POOR, GOOD, BETTER = 0.25, 0.25, 0.4  # unexplained share: as declared at least, after at most, ratio of the two
 
 
@@ -60,7 +59,7 @@ class Motion:
             return None
         states = [_states(recording, model, columns, width) for width in SMOOTHERS]
         states = [one for one in states if len(one[0]) >= FEWEST]
-        return Motion(_wary(model), tuple(states), _compared_dofs(model)) if states else None
+        return Motion(model, tuple(states), _compared_dofs(model)) if states else None
 
 
 def _compared_dofs(model: mujoco.MjModel) -> tuple[np.ndarray, ...]:
@@ -159,12 +158,12 @@ def _cost(target: np.ndarray, columns: list[tuple[np.ndarray, float, float]]) ->
 def _terms(model: mujoco.MjModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, ctrl: np.ndarray):
     """Accelerations (n, nv) by position, by commands and by speed in each state, and where nothing touches (n,)."""
     still, driven, whole = np.zeros_like(v), np.zeros_like(v), np.zeros_like(v)
+    model = _wary(model)
     data, free = mujoco.MjData(model), np.ones(len(q), bool)
     for row in range(len(q)):
-        data.qpos[:] = q[row]
         for out, speed, command in ((still, 0, 0), (driven, 0, ctrl[row]), (whole, v[row], ctrl[row])):
-            data.qvel[:], data.ctrl[:] = speed, command
-            mujoco.mj_forwardSkip(model, data, SAME_PLACE if out is not still else 0, 1)
+            data.qpos[:], data.qvel[:], data.ctrl[:] = q[row], speed, command
+            mujoco.mj_forward(model, data)
             out[row] = data.qacc
         free[row] = data.ncon == 0
     terms = still, driven - still, whole - driven
