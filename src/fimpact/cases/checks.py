@@ -15,10 +15,10 @@ from fimpact.cases.runs import FEWEST
 from fimpact.cases.sources import Source, find
 from fimpact.recordings import Recording
 
-DEGREES, THOUSAND = 180 / np.pi, 1000.0
-LIKE = 1.25  # a factor within this of a known one is taken for it
 NOTHING = 1e-12  # of anything measured, in SI units
 LOUDEST = 3.0  # times all that is read: a noise that is declared so cannot be
+DEGREES, THOUSAND = 180 / np.pi, 1000.0
+LIKE = 1.25  # a factor within this of a known one is taken for it
 FAR = 1.3  # the speed may be this much off the derivative of the position before it is doubted
 KNOWN = (  # derivative of the position over the speed, and what it tells
     (DEGREES, "the position is in degrees but declared as radians"),
