@@ -1,6 +1,5 @@
 """Files of measured data as named columns: CSV, Parquet, NPZ, MATLAB v5, MCAP. Nothing here runs code of a file."""
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -53,7 +52,7 @@ def read_table(path: Path) -> Table:
     if not path.is_file():
         raise CaseError(f"data file {path} does not exist; put it there, correct `file`, or point to it with --data")
     try:
-        return [replace(one, origin=(str(path.resolve()), one.group, one.name)) for one in reader(path)]
+        return [replace(one, origin=(str(path.resolve()), one.group, one.name)) for one in _narrow(reader(path), path)]
     except CaseError:
         raise
     except Exception as error:
@@ -61,6 +60,12 @@ def read_table(path: Path) -> Table:
             f"data file {path} cannot be read as {path.suffix.lower()[1:]}: {reason(error)}; "
             "it may be damaged or of another format; write it again"
         ) from None
+
+
+def _narrow(table: Table, path: Path) -> Table:
+    if len(table) > WIDEST:
+        raise CaseError(f"data file {path} has {len(table)} columns; allowed: {WIDEST}; leave out what is not needed")
+    return table
 
 
 def exact(whole: np.ndarray) -> np.ndarray:
@@ -109,9 +114,7 @@ def _parquet(path: Path) -> Table:
 
 def _arrow(table, path: Path) -> Table:
     names = [name.strip() for name in table.column_names]
-    if len(names) > WIDEST:
-        raise CaseError(f"data file {path} has {len(names)} columns; allowed: {WIDEST}; leave out what is not needed")
-    twice = sorted(name for name, times in Counter(names).items() if times > 1)
+    twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise CaseError(f"data file {path} has two columns named '{twice[0]}'; rename one of them")
     columns = zip(names, table.columns, strict=True)
