@@ -9,29 +9,17 @@ import numpy as np
 from fimpact.cases import kinds
 from fimpact.cases.channels import Channel
 from fimpact.cases.errors import CaseError
-from fimpact.cases.physics import Motion, derivative, doubts
+from fimpact.cases.kinematics import Log, sensor_ties, servo_ties, speed_ties
+from fimpact.cases.physics import dynamics_ties
 from fimpact.cases.readers import Column
 from fimpact.cases.runs import FEWEST
 from fimpact.cases.sources import Source, find
+from fimpact.cases.ties import doubt
 from fimpact.recordings import Recording
 
 NOTHING = 1e-12  # of anything measured, in SI units
 LOUDEST = 3.0  # times all that is read: a noise that is declared so cannot be
 DEGREES, THOUSAND = 180 / np.pi, 1000.0
-LIKE = 1.25  # a factor within this of a known one is taken for it
-FAR = 1.3  # the speed may be this much off the derivative of the position before it is doubted
-KNOWN = (  # derivative of the position over the speed, and what it tells
-    (DEGREES, "the position is in degrees but declared as radians"),
-    (
-        1 / DEGREES,
-        "the position is in radians but declared as degrees, or the speed in degrees but declared as radians",
-    ),
-    (THOUSAND, "a unit is wrong by 1000: the position is too large, or the speed or the time too small"),
-    (1 / THOUSAND, "a unit is wrong by 1000: the position is too small, or the speed or the time too large"),
-    (1 / (2 * np.pi), "the position is in revolutions but declared as radians"),
-    (np.pi / 30, "the speed is in rpm but declared as rad/s"),
-    (-1.0, "one of them has the wrong sign: use `scale: -1`"),
-)
 
 
 def check_sources(runs: list[Source]) -> None:
@@ -94,10 +82,10 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
     for check in (_lengths, _same_runs, _noises):
         for complaint in check(recording):
             raise CaseError(complaint)
-    for check in (_still, _ranges, _cutoffs, _speeds, _dynamics):
-        for doubt, complaint in check(recording, model, seen):
-            if doubt not in accept:
-                raise CaseError(f"{complaint}; if it is meant, write `accept: [{doubt}]`")
+    for check in (_still, _ranges, _cutoffs, _ties):
+        for kind, complaint in check(recording, model, seen):
+            if kind not in accept:
+                raise CaseError(f"{complaint}; if it is meant, write `accept: [{kind}]`")
     if recording.window and round(recording.window / recording.period) < FEWEST:
         raise CaseError(
             f"window is {recording.window:g} s, less than {FEWEST} samples of {recording.period:.6g} s; "
@@ -204,48 +192,11 @@ def _values(recording: Recording, name: str) -> np.ndarray:
     return np.concatenate([run.measured[:, column] for run in recording.runs])
 
 
-def _speeds(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
-    """The speed of each joint against the derivative of its position, and against those of the other joints."""
-    position = {c.joint: c.sensor for c in seen if c.type == kinds.JOINTPOS}
-    speed = {c.joint: c.sensor for c in seen if c.type == kinds.JOINTVEL}
-    rates = {joint: _derivatives(recording, name) for joint, name in position.items()}
-    for joint in speed.keys() & position.keys():
-        measured = _values(recording, speed[joint])
-        ratio, alike = _compared(rates[joint], measured)
-        better = [o for o in position if o != joint and _compared(rates[o], measured)[1] > max(0.9, alike + 0.2)]
-        if alike < 0.8 and better:
-            yield (
-                "swapped",
-                f"'{speed[joint]}' is not the derivative of '{position[joint]}' (correlation {alike:.2f}) but of "
-                f"'{position[better[0]]}': columns are swapped; exchange them",
-            )
-        if alike > 0.8 and not 1 / FAR < ratio < FAR:
-            yield _factor_doubt(position[joint], speed[joint], ratio)
-
-
-def _factor_doubt(position: str, speed: str, ratio: float) -> tuple[str, str]:
-    near = [cause for known, cause in KNOWN if ratio / known > 0 and 1 / LIKE < ratio / known < LIKE]
-    got = f"the derivative of '{position}' is {ratio:.4g} times '{speed}'"
-    cause = near[0] if near else "their units cannot both be right"
-    return ("sign" if near and ratio < 0 else "units"), f"{got}; it must be 1: {cause}; correct the unit"
-
-
-def _derivatives(recording: Recording, name: str) -> np.ndarray:
-    column = recording.channels.index(name)
-    return np.concatenate([derivative(run.measured[:, column], recording.period, 1) for run in recording.runs])
-
-
-def _compared(rate: np.ndarray, speed: np.ndarray) -> tuple[float, float]:
-    """By what `speed` must be multiplied to give `rate` (their rms ratio with a sign), and |correlation|."""
-    known = np.isfinite(rate) & np.isfinite(speed)
-    x, y = speed[known], rate[known]
-    power = np.sqrt((x @ x) * (y @ y)) if known.sum() > FEWEST else 0.0
-    if power <= 0:
-        return 1.0, 0.0
-    return float(np.sign(x @ y) * np.sqrt((y @ y) / (x @ x))), float(abs(x @ y) / power)
-
-
-def _dynamics(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
-    motion = Motion.of(recording, model, seen)
-    if motion is not None:
-        yield from doubts(motion)
+def _ties(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    """What kinematics and dynamics tie together, the exact laws first."""
+    log = Log.of(recording, model, seen)
+    for ties in (speed_ties, sensor_ties, servo_ties, dynamics_ties):
+        for tie in ties(log):
+            found = doubt(tie)
+            if found:
+                yield found[0].doubt, found[1]
