@@ -107,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     check.set_defaults(run=_check)
     first = commands.add_parser("init", help="write a first case by matching column names to an MJCF")
     first.add_argument("model", type=Path, metavar="MODEL.xml")
-    first.add_argument("log", type=Path, metavar="LOG")
+    first.add_argument("log", type=Path, nargs="+", metavar="LOG", help="the last of several is held out")
     first.add_argument("-o", "--out", type=Path, metavar="CASE.yaml", default=Path("case.yaml"))
     first.set_defaults(run=_init)
     diagnose = commands.add_parser("diagnose", help="find what the model lacks, and write the page")
@@ -166,8 +166,9 @@ def _init(options: argparse.Namespace) -> None:
     _check_place(options.out)
     first = first_case(options.model, options.log, options.out)
     write_text(first.text(), options.out)
-    print(f"wrote {options.out}; open:")
-    print("\n".join(f"  {line}" for line in first.open))
+    print(f"wrote {options.out}; to fill in: {'' if first.open else 'nothing'}")
+    print("".join(f"  {line}\n" for line in first.open) + "concluded, to be looked at:")
+    print("\n".join(f"  {line}" for line in first.taken))
     print(f"then: fimpact check {options.out}")
 
 

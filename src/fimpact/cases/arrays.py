@@ -1,7 +1,8 @@
-"""Arrays of NPZ and MATLAB files as columns.
+"""Arrays of NPY, NPZ and MATLAB files as columns.
 
 An array (n,) named a is the column ``a``; the shorter side of a 2-D array is taken as its columns ``a[0]``,
-``a[1]``, ...; the entries of a MATLAB cell array are ``a{0}``, ``a{1}``, ...; fields of a struct ``a.field``.
+``a[1]``, ..., of one without a name ``[0]``, ``[1]``, ...; the entries of a MATLAB cell array are ``a{0}``, ``a{1}``,
+...; fields of a struct ``a.field``.
 """
 
 import zipfile
@@ -11,7 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from fimpact.cases.errors import CaseError
-from fimpact.cases.readers import LARGEST, Column, Table, exact
+from fimpact.cases.readers import LARGEST, Column, Table, decimal, exact
+
+
+def npy(path: Path) -> Table:
+    """Columns of an NPY file: the fields of a structured array, or ``[0]``, ``[1]``, ... of a plain one."""
+    values = np.load(path, mmap_mode="r", allow_pickle=False)
+    if values.nbytes > LARGEST:
+        raise CaseError(f"data file {path} has {values.nbytes} bytes; allowed: {LARGEST}; decimate it before")
+    if values.dtype.names:
+        return [column for name in values.dtype.names for column in _columns(name, values[name], path.name)]
+    return list(_columns("" if np.squeeze(values).ndim > 1 else path.stem, values, path.name))
 
 
 def npz(path: Path) -> Table:
@@ -98,5 +109,5 @@ def _numeric(name: str, value: np.ndarray, group: str) -> Iterator[Column]:
 
 def _column(name: str, values: np.ndarray, group: str) -> Column:
     # Each by itself: counts beside a clock's nanoseconds are no nanoseconds.
-    values = exact(values) if values.dtype.kind in "iu" else values.astype(float)
+    values = exact(values) if values.dtype.kind in "iu" else decimal(values)
     return Column(name, group, np.ascontiguousarray(values), np.zeros(len(values), bool))

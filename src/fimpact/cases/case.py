@@ -14,6 +14,7 @@ from fimpact.cases.compiling import compiled
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
 from fimpact.cases.model import Naive, model_files, read_model
+from fimpact.cases.readers import files_of
 from fimpact.cases.runs import Sampled, filtered_noise, held_commands, pieces, sample
 from fimpact.cases.sensors import place_sensors
 from fimpact.cases.sources import file_paths, sources
@@ -54,7 +55,7 @@ def inputs(path: str | Path, data_root: str | Path | None = None) -> list[Path]:
     """
     case = load(Path(path))
     root = _root(case, Path(path), data_root)
-    data = [file for run in case["runs"] for file in file_paths(run, root)]
+    data = [file for run in case["runs"] for path in file_paths(run, root) for file in files_of(path)]
     return list(dict.fromkeys([*bases(Path(path)), *model_files(Path(case["model"])), *data]))
 
 

@@ -1,5 +1,6 @@
 """Measured channels and commands: the MJCF sensor or actuator of each column, and its factor to SI units."""
 
+import re
 from dataclasses import dataclass
 
 import mujoco
@@ -69,6 +70,35 @@ class Command:
     steps: bool
 
 
+def span(unit: str) -> tuple[float, float] | None:
+    """Read a unit such as ``-100..100``: the numbers that stand for the ends of a range of the MJCF."""
+    number = r"\s*([-+]?\d+(?:\.\d+)?)\s*"
+    found = re.fullmatch(rf"{number}\.\.{number}", unit)
+    ends = (float(found[1]), float(found[2])) if found else None
+    return ends if ends and ends[0] != ends[1] else None
+
+
+def _within(entry: dict, ends: tuple[float, float], limits, limited: bool, where: str, whose: str):
+    """Factor and offset of numbers that run from one end of a range of the MJCF to the other.
+
+    Raises:
+        CaseError: the MJCF has no such range, or the case converts a second time.
+    """
+    if not limited:
+        raise CaseError(
+            f"{where}.unit is '{entry['unit']}', a share of {whose}, but the MJCF gives it none; add it there, or "
+            "declare a unit of the file"
+        )
+    for key in {"gain", "counts_per_rev"} & set(entry):
+        raise CaseError(
+            f"{where} has {key} and the unit '{entry['unit']}', which converts by {whose}; remove one of them"
+        )
+    scale, width = entry.get("scale", 1.0), (limits[1] - limits[0]) / (ends[1] - ends[0])
+    if not scale:
+        raise CaseError(f"{where}.scale is 0; allowed: any other number, such as -1 for a reversed axis; correct it")
+    return float(scale * width), float(entry.get("offset", 0.0) + (limits[0] / width - ends[0]) / scale)
+
+
 def component_names(sensor: str, dim: int) -> tuple[str, ...]:
     """A sensor's name, or that of each component of a vector sensor."""
     return (sensor,) if dim == 1 else tuple(f"{sensor}[{i}]" for i in range(dim))
@@ -89,11 +119,17 @@ def _channel(model: mujoco.MjModel, key: str, entry: dict, where: str) -> Channe
         )
     type_ = int(sensor.type[0])
     unit, joint = sensor_unit(model, key)
-    scale = entry.get("scale", 1.0) * factor(entry["unit"], unit, where, entry.get("gain"), entry.get("counts_per_rev"))
+    if (ends := span(entry["unit"])) and type_ == kinds.JOINTPOS:
+        limits, limited = model.joint(joint).range, bool(model.jnt_limited[model.joint(joint).id])
+        scale, offset = _within(entry, ends, limits, limited, where, f"the range of joint '{joint}'")
+    else:
+        offset = entry.get("offset", 0.0)
+        scale = entry.get("scale", 1.0) * factor(
+            entry["unit"], unit, where, entry.get("gain"), entry.get("counts_per_rev")
+        )
     if not scale:
         raise CaseError(f"{where}.scale is 0; allowed: any other number, such as -1 for a reversed axis; correct it")
     noise = abs(scale) * entry.get("noise", np.nan)
-    offset = entry.get("offset", 0.0)
     turns = type_ == kinds.JOINTPOS and unit == "rad"
     return Channel(key, tuple(columns), scale, offset, noise, entry.get("time"), type_, joint, turns)
 
@@ -151,6 +187,10 @@ def commands(naive: Naive, table: dict) -> list[Command]:
 
 
 def _command(model: mujoco.MjModel, name: str, entry: dict, where: str) -> Command:
+    if ends := span(entry["unit"]):
+        whose = f"the range of actuator '{name}' or of its joint"
+        scale, offset = _within(entry, ends, *_stroke(model, name), where, whose)
+        return Command(name, entry["column"], scale, offset, entry.get("time"), True)
     wanted = entry.get("ctrl_unit") or ctrl_unit(model, name)
     if wanted is None:
         raise CaseError(f"{where}.ctrl_unit is missing: the MJCF does not tell the unit of this actuator; add it")
@@ -166,6 +206,14 @@ def _command(model: mujoco.MjModel, name: str, entry: dict, where: str) -> Comma
     if not scale:
         raise CaseError(f"{where}.scale is 0; allowed: any other number, such as -1 for a reversed axis; correct it")
     return Command(name, entry["column"], scale, entry.get("offset", 0.0), entry.get("time"), meaning == "command")
+
+
+def _stroke(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, bool]:
+    """What a normalised command spans, and whether the MJCF has it: the range of a servo's joint, else its own."""
+    actuator = model.actuator(name)
+    if ctrl_unit(model, name) in ("rad", "m") and model.jnt_limited[actuator.trnid[0]]:
+        return model.jnt_range[actuator.trnid[0]], True
+    return actuator.ctrlrange, bool(model.actuator_ctrllimited[actuator.id])
 
 
 def _before_gear(meaning: str, ratio: float, gear: float) -> float:

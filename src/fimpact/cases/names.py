@@ -25,6 +25,7 @@ UNITS = (
 )
 UNITS += ("m", "s", "N", "V", "A")
 SPELT = {"degs": "deg/s", "rads": "rad/s", "degrees": "deg", "radians": "rad", "°": "deg"}
+SPELT |= {"volt": "V", "volts": "V", "amps": "A"}
 SPELT |= {one.replace(" ", "").lower(): one for one in reversed(UNITS) if len(one) > 1}
 APART = {re.sub("[/ ]", "_", one).lower(): one for one in UNITS if re.search("[/ ]", one)}  # as in speed_m_s
 
@@ -41,7 +42,7 @@ def unit(name: str) -> str:
     parts = name.split("_")[1:]
     if not bracket and "_".join(parts[-2:]).lower() in APART:
         return APART["_".join(parts[-2:]).lower()]
-    ending = bracket.group(1) if bracket else "".join(parts[-1:])
+    ending = bracket.group(1) if bracket else "".join(parts[-1:]) or (name if len(name) > 2 else "")
     return ending if ending in UNITS else SPELT.get(re.sub(r"[\s*·.]", "", ending).lower(), OPEN)
 
 

@@ -1,6 +1,9 @@
-"""Files of measured data as named columns: CSV, Parquet, NPZ, MATLAB v5, MCAP. Nothing here runs code of a file."""
+"""Files and folders of measured data as named columns. Nothing here runs code of a file.
 
-from collections.abc import Callable
+Text is in `texts`, arrays of NumPy and MATLAB in `arrays`, bags of ROS in `ros`, datasets of LeRobot in `lerobot`.
+"""
+
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +12,7 @@ import numpy as np
 from fimpact.cases.errors import CaseError, listed, reason
 
 SPAN = 100 * 86_400 * 10**9  # ns that float holds exactly: 100 days
+SI = "SI"  # unit of a column whose format has SI units by convention
 LARGEST = 4 << 30  # bytes of numbers in a file; more than this is a compressed bomb or needs decimation before
 WIDEST = 10_000  # columns of a file
 
@@ -18,7 +22,8 @@ class Column:
     """A column of a file: values (n,), numbers or text; absent (n,), True where the file has no value at all.
 
     group: what shares its rows and its time, such as a file or a topic. clock: whether these are times in s already.
-    origin: its file, group and name there. rows: which of that file's it holds; None: all.
+    origin: its file, group and name there. rows: which of that file's it holds; None: all. unit: what the file says,
+    `SI` where its format has SI units by convention, "" where it says nothing.
     """
 
     name: str
@@ -28,6 +33,7 @@ class Column:
     clock: bool = False
     origin: tuple[str, ...] = ()
     rows: np.ndarray | None = None
+    unit: str = ""
 
     @property
     def numbers(self) -> np.ndarray:
@@ -43,13 +49,13 @@ Table = list[Column]
 
 
 def read_table(path: Path) -> Table:
-    """Every column of a file; the ending of its name says the format.
+    """Every column of a file or folder; the ending of its name, or what is in the folder, says the format.
 
     Raises:
         CaseError: no such file, unknown format, or a file that is damaged or holds pickled objects.
     """
-    reader = _reader(path)
-    if not path.is_file():
+    kind, reader = _reader(path)
+    if not path.exists():
         raise CaseError(f"data file {path} does not exist; put it there, correct `file`, or point to it with --data")
     try:
         return [replace(one, origin=(str(path.resolve()), one.group, one.name)) for one in _narrow(reader(path), path)]
@@ -57,7 +63,7 @@ def read_table(path: Path) -> Table:
         raise
     except Exception as error:
         raise CaseError(
-            f"data file {path} cannot be read as {path.suffix.lower()[1:]}: {reason(error)}; "
+            f"data file {path} cannot be read as {kind}: {reason(error)}; "
             "it may be damaged or of another format; write it again"
         ) from None
 
@@ -68,6 +74,14 @@ def _narrow(table: Table, path: Path) -> Table:
     return table
 
 
+def files_of(path: Path) -> list[Path]:
+    """List the files that are read of a data file or folder."""
+    if not path.is_dir():
+        return [path]
+    patterns = ("meta/info.json", "data/**/*.parquet", "metadata.yaml", "*.mcap", "*.db3")
+    return [file for pattern in patterns for file in sorted(path.glob(pattern))]
+
+
 def exact(whole: np.ndarray) -> np.ndarray:
     """Whole numbers as float; of nanoseconds since 1970, which float cannot hold, the part since a midnight at most a
     hundred days before the first."""
@@ -76,49 +90,84 @@ def exact(whole: np.ndarray) -> np.ndarray:
     return (whole - whole[whole != 0][0] // SPAN * SPAN).astype(float)
 
 
-def _reader(path: Path) -> Callable[[Path], Table]:
-    from fimpact.cases import arrays, ros
+def decimal(values: np.ndarray) -> np.ndarray:
+    """Floats as they were written: a float32 is the shortest decimal that it stands for, so that 0.1 stays 0.1."""
+    if values.dtype != np.float32:
+        return values.astype(float)
+    import pyarrow as pa
 
-    readers = {".csv": _csv, ".txt": _csv, ".tsv": _csv, ".parquet": _parquet, ".npz": arrays.npz, ".mat": arrays.mat}
-    readers[".mcap"] = ros.mcap
-    if path.suffix.lower() not in readers:
-        raise CaseError(f"data file {path} is of an unknown format; {listed(readers, path.suffix)}; convert it")
-    return readers[path.suffix.lower()]
+    return np.asarray(pa.array(values.ravel()).cast(pa.string()).cast(pa.float64())).reshape(values.shape)
 
 
-def _csv(path: Path) -> Table:
-    from pyarrow import csv
+def _reader(path: Path) -> tuple[str, Callable[[Path], Table]]:
+    from fimpact.cases import arrays, lerobot, ros, texts
 
-    with open(path, encoding="utf-8-sig", newline="") as file:
-        header = file.readline()
-    if not header.strip():
-        raise CaseError(f"data file {path} is empty; its first line must name the columns; write it again")
-    delimiter = max(",;\t", key=header.count)
-    # Blank is "no sample"; the text nan stays a number that is not one, and is judged later.
-    convert = csv.ConvertOptions(null_values=[""], strings_can_be_null=True)
-    try:
-        table = csv.read_csv(path, parse_options=csv.ParseOptions(delimiter=delimiter), convert_options=convert)
-    except Exception as error:
+    if path.is_dir():
+        if (path / "meta" / "info.json").is_file():
+            return "a LeRobot dataset", lerobot.dataset
+        if (path / "metadata.yaml").is_file():
+            return "a ROS 2 bag", ros.bag
         raise CaseError(
-            f"data file {path}: {reason(error)}; every line must have as many cells as the first; "
-            "the file may be truncated: complete it or remove the broken line"
-        ) from None
-    return _arrow(table, path)
+            f"data folder {path} has neither meta/info.json (LeRobot) nor metadata.yaml (ROS 2 bag); allowed: one of "
+            "these, or a file; name the file in it that is meant"
+        )
+    readers = dict.fromkeys((".csv", ".txt", ".tsv"), texts.csv)
+    readers |= dict.fromkeys((".jsonl", ".ndjson", ".json"), texts.json_lines)
+    readers |= {".parquet": _parquet, ".npy": arrays.npy, ".npz": arrays.npz, ".mat": arrays.mat}
+    readers |= dict.fromkeys((".mcap", ".db3", ".bag"), ros.bag)
+    ending = path.suffix.lower()
+    if ending not in readers:
+        raise CaseError(
+            f"data file {path} is of an unknown format; {listed(readers, ending)}, a LeRobot dataset or a ROS 2 bag "
+            "(folders); convert it"
+        )
+    return ending[1:], readers[ending]
 
 
 def _parquet(path: Path) -> Table:
     from pyarrow import parquet
 
-    return _arrow(parquet.ParquetFile(path).read(), path)
+    return arrow(parquet.ParquetFile(path).read(), path)
 
 
-def _arrow(table, path: Path) -> Table:
-    names = [name.strip() for name in table.column_names]
-    twice = sorted({name for name in names if names.count(name) > 1})
+def arrow(table, path: Path, units: dict[str, str] | None = None) -> Table:
+    """Columns of an Arrow table; a list of n numbers in every row is n columns, a struct one for each field.
+
+    Raises:
+        CaseError: two columns of one name.
+    """
+    columns = [
+        one
+        for name, values in zip(table.column_names, table.columns, strict=True)
+        for one in _flat(name.strip(), values)
+    ]
+    names = [name for name, _ in columns]
+    twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
     if twice:
         raise CaseError(f"data file {path} has two columns named '{twice[0]}'; rename one of them")
-    columns = zip(names, table.columns, strict=True)
-    return [Column(name, path.name, *_plain(values.combine_chunks())) for name, values in columns]
+    units = units or {}
+    return [Column(name, path.name, *_plain(values), unit=units.get(name, "")) for name, values in columns]
+
+
+def _flat(name: str, values) -> Iterator[tuple[str, object]]:
+    """Arrow arrays without lists and structs, with their names."""
+    import pyarrow as pa
+    from pyarrow import compute
+
+    values = values.combine_chunks() if isinstance(values, pa.ChunkedArray) else values
+    lists = pa.types.is_list, pa.types.is_large_list, pa.types.is_fixed_size_list
+    if pa.types.is_struct(values.type):
+        for field, part in zip(values.type, values.flatten(), strict=True):
+            yield from _flat(f"{name}.{field.name}", part)
+    elif any(one(values.type) for one in lists):
+        lengths = compute.unique(compute.list_value_length(values)).drop_null().to_pylist()
+        if len(lengths) != 1:
+            yield name, pa.array(["(lists of several lengths)"] * len(values))
+            return
+        for index in range(lengths[0]):
+            yield from _flat(f"{name}[{index}]", compute.list_element(values, index))
+    else:
+        yield name, values
 
 
 def _plain(values) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -136,4 +185,6 @@ def _plain(values) -> tuple[np.ndarray, np.ndarray, bool]:
     others = pa.types.is_nested, pa.types.is_binary, pa.types.is_date, pa.types.is_time, pa.types.is_duration
     if any(other(values.type) for other in others):
         return np.full(len(values), "(not a number)"), absent, False
+    if pa.types.is_float32(values.type):  # as the decimal that it was written as
+        values = values.cast(pa.string())
     return np.asarray(values.cast(pa.float64()).fill_null(np.nan), dtype=float), absent, False

@@ -3,6 +3,7 @@
 from xml.etree import ElementTree
 
 from fimpact.cases import kinds
+from fimpact.cases.channels import span
 from fimpact.cases.errors import CaseError, listed, one_of
 from fimpact.cases.model import FORBIDDEN, Naive, body_element, joint_of
 from fimpact.cases.units import factor, same_dimension
@@ -63,7 +64,7 @@ def _add(naive: Naive, block: ElementTree.Element, key: str, entry: dict, where:
         return _add_frame(naive, block, key, "body", body, entry.get("quantity"), where)
     if type_ == kinds.BALL:
         raise CaseError(f"{where}: '{joint}' is a ball joint; allowed: hinge, slide, free; measure its body instead")
-    quantity = entry.get("quantity") or _by_unit(entry["unit"], where)
+    quantity = entry.get("quantity") or ("position" if span(entry["unit"]) else _by_unit(entry["unit"], where))
     if quantity not in ("position", "velocity"):
         raise CaseError(f"{where}.quantity is '{quantity}'; a joint has position or velocity; correct it")
     ElementTree.SubElement(block, "joint" + quantity[:3], {"name": key, "joint": joint})

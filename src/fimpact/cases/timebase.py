@@ -14,6 +14,7 @@ from fimpact.cases.errors import CaseError
 
 GAP = 2.5  # periods between samples of one channel from which on they are separate pieces
 HELD = 10.5  # periods for which a command is believed to be held where the log has no line
+CLOSE = 1e-6  # of a period, which is rounding: a stamp that far off a point of the grid is meant to be there
 TAPS = 10  # half-length of the anti-alias filter in periods of the new grid
 
 
@@ -66,13 +67,21 @@ def on_grid(series: Series, start: float, period: float, count: int) -> np.ndarr
     Nyquist frequency, where its zero crossings leave white noise white.
     """
     factor = round(period / series.period)
+    series = _relative(series, start, period / max(1, factor))
     if factor < 2:
         # At about the grid's rate, jitter may open an interval of 1.5 periods; slower samples count once.
         reach = 0.76 if series.period < 1.5 * period else 0.51
-        return _sampled(series, start + period * np.arange(count), period, reach)
+        return _sampled(series, period * np.arange(count), period, reach)
     fine = period / factor
-    dense = _sampled(series, start + fine * np.arange(count * factor), fine, reach=GAP / 2)
+    dense = _sampled(series, fine * np.arange(count * factor), fine, reach=GAP / 2)
     return _low_passed(dense, factor)[::factor]
+
+
+def _relative(series: Series, start: float, period: float) -> Series:
+    """The series with times from `start` on, free of the rounding of stamps, so that logs of any format are one."""
+    time = series.time - start
+    points = period * np.round(time / period)
+    return Series(np.where(np.abs(time - points) < CLOSE * period, points, time), series.value)
 
 
 def noise_factor(period: float, samples: float) -> float:
@@ -118,7 +127,8 @@ def held(series: Series, start: float, period: float, count: int, steps: bool) -
 
     steps: it was held between samples (a controller's output); False: it varies linearly (a measured torque).
     """
-    edges = start + period * np.arange(count + 1)
+    series = _relative(series, start, period / max(1, round(period / series.period)))
+    edges = period * np.arange(count + 1)
     steps_of = np.diff(series.time)
     value = series.value
     area = (value[:-1] if steps else (value[:-1] + value[1:]) / 2) * steps_of

@@ -1,0 +1,194 @@
+"""Commands and measurements of a first case: the unit of each, where its column or its values tell it."""
+
+import numpy as np
+
+from fimpact.cases.draft import Asked, First, some
+from fimpact.cases.evidence import OTHER, position_unit, share_unit
+from fimpact.cases.matching import NAME, Match, Matches
+from fimpact.cases.model import Naive
+from fimpact.cases.names import OPEN, best, unit, words
+from fimpact.cases.readers import SI, Column, Table
+from fimpact.cases.roles import KNOWN
+from fimpact.cases.units import same_dimension
+
+POOLS = {"rad": "angle", "m": "length", "rad/s": "speed", "m/s": "linear_speed", "N m": "torque", "N": "force"}
+GRIPPERS = {"gripper", "jaw", "grip"}
+PARTS = ("commands", "measurements")
+
+
+def write_entries(naive: Naive, table: Table, found: Matches, first: First) -> None:
+    """Put commands and measurements into a first case, and say what is open or was concluded."""
+    names = Names(table)
+    units = _units(naive, found, names, first)
+    for part in PARTS:
+        entries = {key: _entry(match, units[part, key], names) for key, match in getattr(found, part).items()}
+        if entries or part == "measurements":
+            first.case[part] = entries
+    _say_commands(found, first)
+    _say_how(found, first, names)
+    _say_left(naive, found, first, names)
+
+
+class Names:
+    """Names of columns as a case writes them: with their topic where several have a column of that name."""
+
+    def __init__(self, table: Table):
+        every = [column.name for column in table]
+        self.twice = {name for name in every if every.count(name) > 1} if len(set(every)) < len(every) else set()
+
+    def of(self, column: Column) -> str:
+        """The name of a column."""
+        return f"{column.group}:{column.name}" if column.name in self.twice else column.name
+
+
+def _entry(match: Match, found: str, names: Names) -> dict:
+    columns = [names.of(column) for column in match.columns]
+    entry = {"column": columns[0]} if len(columns) == 1 else {"columns": columns}
+    return match.place | entry | {"unit": found}
+
+
+def _told(match: Match) -> str:
+    """The unit that the columns of an entry tell, if the MJCF's quantity can have it."""
+    column, wanted = match.columns[0], match.wanted
+    if wanted == "1" or (column.unit == SI and wanted):
+        return wanted
+    drive = "meaning" in match.place  # a `gain` converts what has another dimension
+    for text in (column.unit, unit(column.name)):
+        if text not in ("", SI, OPEN) and (drive or not wanted or text == "counts" or same_dimension(text, wanted)):
+            return text
+    return OPEN
+
+
+def _contradicted(match: Match) -> str:
+    """A unit that the columns tell and that the MJCF's quantity cannot have, or ""."""
+    told = [text for text in (match.columns[0].unit, unit(match.columns[0].name)) if text not in ("", SI, OPEN)]
+    return told[0] if told else ""
+
+
+def _units(naive: Naive, found: Matches, names: Names, first: First) -> dict[tuple[str, str], str]:
+    """Unit of each entry: told, or concluded from values, or asked for, once for all of one quantity."""
+    every = {(part, key): match for part in PARTS for key, match in getattr(found, part).items()}
+    out = {at: _told(match) for at, match in every.items()}
+    for label, pool in _pools({at: match for at, match in every.items() if out[at] == OPEN}).items():
+        for part, unit_, why, label_ in _judged(naive, label, pool):
+            mark = Asked(label_) if unit_ == OPEN else unit_
+            out |= dict.fromkeys(part, mark)
+            listed = some([names.of(column) for at in part for column in pool[at].columns])
+            if unit_ == OPEN:
+                shared = f" (once, at &{label_})" if len(part) > 1 else ""
+                first.open.append(f"the unit of {listed}{shared}{why and ': ' + why}")
+            else:
+                first.taken.append(f"the unit of {listed} is {unit_}, for {why}")
+    if any(match.columns[0].unit == SI for match in every.values()):
+        first.taken.append("units: those of ROS messages by convention, which are SI (rad, m, N m)")
+    return out
+
+
+def _pools(every: dict) -> dict[str, dict]:
+    """Entries that have one unit: positions of joints, and other columns that say the same, by a label of each pool."""
+    groups: dict[tuple, dict] = {}
+    for at, match in every.items():
+        said = frozenset(words(match.columns[0].name) & KNOWN)
+        if match.joint or _contradicted(match):
+            said = frozenset([_contradicted(match)])
+        groups.setdefault((POOLS.get(match.wanted or "", "unit"), said), {})[at] = match
+    labels = [label for label, _ in groups]
+    numbers = [labels[:index].count(label) for index, label in enumerate(labels)]
+    return {
+        f"{label}{number or ''}": pool for label, number, pool in zip(labels, numbers, groups.values(), strict=True)
+    }
+
+
+def _judged(naive: Naive, label: str, pool: dict) -> list[tuple[list, str, str, str]]:
+    """Entries of one unit with that unit, or `OPEN`, why, and the label of what is asked for."""
+    one = next(iter(pool.values()))
+    if _contradicted(one):
+        return [(list(pool), OPEN, f"{_contradicted(one)}, as the file says, is no unit of {one.wanted}", label)]
+    if not (one.joint and one.wanted in OTHER):
+        return [(list(pool), OPEN, "", label)]
+    hands = [at for at, match in pool.items() if words(match.columns[0].name) & GRIPPERS]
+    rest = [at for at in pool if at not in hands]
+    parts = _position_parts(naive, label, pool, rest or hands)
+    if not rest or not hands:
+        return parts
+    # A gripper's share of its stroke is often 0..100 where the other joints are in degrees or -100..100.
+    both = _position(naive, pool, rest + hands)
+    if len(parts) == 1 and parts[0][1] != OPEN and both[0] == parts[0][1] == pool[rest[0]].wanted:
+        return [(rest + hands, *both, label)]
+    share = share_unit(_bounded(naive, pool, hands), pool[hands[0]].wanted)
+    return [*parts, (hands, *share, "gripper")]
+
+
+def _position_parts(naive: Naive, label: str, pool: dict, ats: list) -> list[tuple[list, str, str, str]]:
+    """Positions judged together, else commands and measurements by themselves."""
+    found, why = _position(naive, pool, ats)
+    parts = [[at for at in ats if at[0] == part] for part in PARTS]
+    if found != OPEN or not all(parts):
+        return [(ats, found, why, label)]
+    apart = [_position(naive, pool, part) for part in parts]
+    if all(one == OPEN for one, _ in apart):
+        return [(ats, OPEN, why, label)]
+    return [(part, *one, label) for part, one in zip(parts, apart, strict=True)]
+
+
+def _position(naive: Naive, pool: dict, ats: list) -> tuple[str, str]:
+    return position_unit(_bounded(naive, pool, ats), pool[ats[0]].wanted)
+
+
+def _bounded(naive: Naive, pool: dict, ats: list) -> list[tuple[np.ndarray, tuple[float, float] | None]]:
+    """Values of entries, and the range of the joint of each in the MJCF."""
+    out = []
+    for at in ats:
+        joint = naive.model.joint(pool[at].joint) if pool[at].joint else None
+        limited = joint is not None and naive.model.jnt_limited[joint.id]
+        out.append((pool[at].columns[0].values, tuple(joint.range) if limited else None))
+    return out
+
+
+def _say_commands(found: Matches, first: First) -> None:
+    for key, match in found.commands.items():
+        entry = first.case["commands"][key]
+        if entry["meaning"] == "command":
+            del entry["meaning"]
+        else:
+            first.taken.append(f"commands.{key}: '{entry['column']}' was measured, so it has `meaning: link`")
+        if match.wanted is None:
+            entry["ctrl_unit"] = entry["unit"]
+        elif entry["unit"] != OPEN and not same_dimension(entry["unit"], match.wanted) and ".." not in entry["unit"]:
+            first.open.append(f"commands.{key}.gain: what converts {entry['unit']} to {match.wanted}")
+
+
+def _say_how(found: Matches, first: First, names: Names) -> None:
+    for part in PARTS:
+        table = getattr(found, part)
+        for how in dict.fromkeys(match.how for match in table.values() if match.how != NAME):
+            keys = [key for key, match in table.items() if match.how == how]
+            columns = some([names.of(column) for key in keys for column in table[key].columns])
+            first.taken.append(f"{part}: {columns} taken for {some(keys)} {how}: check it")
+
+
+def _say_left(naive: Naive, found: Matches, first: First, names: Names) -> None:
+    for name in naive.names("actuator"):
+        if name not in found.commands:
+            first.open.append(f"commands.{name}: no column matches this actuator")
+    seen = {match.joint or match.place.get("joint", "") for match in found.measurements.values()}
+    bodies = {match.place["body"] for match in found.measurements.values() if "body" in match.place}
+    seen |= {naive.model.joint(naive.model.body(body).jntadr[0]).name for body in bodies}
+    for name in naive.names("joint"):
+        if name not in seen and not any(best(key, [name]) for key in found.measurements):
+            first.taken.append(f"measurements: no column matches joint '{name}'")
+    if found.left:
+        listed = [f"{names.of(column)}{_instead(naive, found, column, names)}" for column in found.left]
+        more = f" and {len(listed) - 12} more" if len(listed) > 12 else ""
+        first.taken.append(
+            f"columns left out, which match nothing or the same as another: {', '.join(listed[:12])}{more}"
+        )
+
+
+def _instead(naive: Naive, found: Matches, column: Column, names: Names) -> str:
+    """What was taken in place of a column that names the same joint."""
+    joint = best(column.name, naive.names("joint"))
+    for match in found.measurements.values() if joint else ():
+        if joint in (match.joint, match.place.get("joint")):
+            return f" (as '{names.of(match.columns[0])}')"
+    return ""
