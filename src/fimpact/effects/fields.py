@@ -79,10 +79,23 @@ FIELDS = {
         DRIVE + "stiffness = kp{deg} × (1 + change); Isaac Lab: stiffness",
     ),
     "servo_kv": Fields(
-        "actuator kv × (1 + change): −biasprm[2]",
+        "actuator kv × (1 + change): −biasprm[2], and gainprm[0] of a <velocity> servo",
         "none; the gain d of the controller",
         DRIVE + "damping = kv{deg} × (1 + change); Isaac Lab: damping",
     ),
+    "gravity_compensation": Fields(
+        "body gravcomp = share, of every body that the joints carry",
+        "none; the controller's gravity compensation",
+        "none but for all of it: physxRigidBody:disableGravity of every link",
+    ),
+    "friction_compensation": Fields(
+        "joint frictionloss and damping × (1 − share)",
+        "<dynamics friction> and <dynamics damping> × (1 − share)",
+        "staticFrictionEffort, dynamicFrictionEffort and viscousFrictionCoefficient of "
+        + JOINT[:-1]
+        + " × (1 − share)",
+    ),
+    "target_resolution": Fields("none; round the commands", "none; round the commands", "none; round the commands"),
     "torque_offset": Fields(
         'actuator biastype="affine" biasprm[0]', "none; add it to the commands", "none; add it to the efforts"
     ),
