@@ -134,7 +134,10 @@ def _parser() -> argparse.ArgumentParser:
     further.set_defaults(run=_resolve)
     keys = commands.add_parser("keys", help="explain every key of a case")
     keys.set_defaults(run=_keys)
-    catalogue = commands.add_parser("effects", help="list the physics that a model may be found to lack")
+    catalogue = commands.add_parser("effects", help="list the physics that a model may lack, or one piece in full")
+    catalogue.add_argument("name", nargs="?", metavar="NAME", help="such as coulomb: its numbers, units and fields")
+    catalogue.add_argument("--model", type=Path, metavar="MODEL.xml", help="name the places that this MJCF has for it")
+    catalogue.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
     catalogue.set_defaults(run=_effects)
     return parser
 
@@ -253,13 +256,14 @@ def _keys(options: argparse.Namespace) -> None:
 
 
 def _effects(options: argparse.Namespace) -> None:
-    from fimpact.effects import EFFECTS
+    from fimpact.effects import get_effect
+    from fimpact.effects.listing import catalogue, described, place_lister
+    from fimpact.effects.own import load_effects
 
-    width = max(map(len, EFFECTS))
-    for family in dict.fromkeys(effect.family for effect in EFFECTS.values()):
-        print(family)
-        for effect in (e for e in EFFECTS.values() if e.family == family):
-            print(f"  {effect.name:{width}}  {effect.sentence}")
+    if options.effects:
+        load_effects(options.effects)
+    places = place_lister(options.model) if options.model else None
+    print("\n".join(described(get_effect(options.name), places) if options.name else catalogue(places)))
 
 
 if __name__ == "__main__":

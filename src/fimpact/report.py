@@ -3,7 +3,7 @@
 import base64
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -16,6 +16,7 @@ from markupsafe import Markup
 from fimpact.diagnosis.pipeline import Diagnosis
 from fimpact.drafts import draft_folder, made
 from fimpact.effects.base import words
+from fimpact.effects.fields import SIMULATORS
 from fimpact.experiments.described import COMMANDS, START, described, write_experiment
 from fimpact.experiments.design import Experiment
 from fimpact.experiments.figures import commands
@@ -139,6 +140,16 @@ def _page(diagnosis: Diagnosis, content: Mapping[str, Any], images: Mapping[str,
         images={name: Markup(svg) for name, svg in images.items()},
         names=(("naive", "naive fit"), ("freed", "everything freed"), ("improved", "improved")),
         laws=list({row["effect"]: row for row in content["effects"]}.values()),
+        fields=_fields(content["effects"]),
+        simulators=SIMULATORS,
         runs=(len(recording.training), len(recording.held_out)),
         tried=len(diagnosis.explanation.rounds[0].tried) if diagnosis.explanation.rounds else 0,
     )
+
+
+def _fields(effects: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, dict[str, str]]]:
+    """Effects whose fields are the same, in one row: name, places and the field of each simulator."""
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for row in effects:
+        rows.setdefault((row["effect"], *row["fields"].values()), []).append(row["site"])
+    return [(name, ", ".join(at), dict(zip(SIMULATORS, texts, strict=True))) for (name, *texts), at in rows.items()]

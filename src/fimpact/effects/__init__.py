@@ -4,10 +4,10 @@ An effect of one's own is a function and an `Effect` that names it; `EFFECTS[eff
 """
 
 from fimpact.cases.errors import listed
-from fimpact.effects import actuation, contact, environment, friction, masses, sensing, structure, transmission
+from fimpact.effects import actuation, contact, environment, friction, masses, sensing, servos, structure, transmission
 from fimpact.effects.base import Effect
 
-FAMILIES = (friction, transmission, actuation, masses, structure, environment, contact, sensing)
+FAMILIES = (friction, transmission, actuation, servos, masses, structure, environment, contact, sensing)
 LAST = ("gravity_scale",)  # whoever cannot tell it from a scale of what is read should suspect that first
 _every = [effect for family in FAMILIES for effect in family.EFFECTS]
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in sorted(_every, key=lambda e: e.name in LAST)}
