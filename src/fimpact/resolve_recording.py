@@ -46,7 +46,7 @@ def resolve_recording(
     known, added = _split(recording, set(earlier["runs"]), case)
     names = ["+".join(sorted(member)) for member in earlier["members"]]
     progress(f"fitting {', '.join(names)} with {', '.join(run.name for run in added)}")
-    ranked = resolve(known, added, earlier["members"], stated(known, earlier))
+    ranked = resolve(known, added, earlier["members"], stated(known, earlier), progress)
     return ranked, remaining(ranked)
 
 

@@ -15,6 +15,7 @@ import mujoco
 
 from fimpact.cases.errors import CaseError, reason
 from fimpact.quiet import hush
+from fimpact.visuals import without_visuals
 
 DEEP = 100  # elements inside one another; MuJoCo allows hardly more
 FEW, SMALL = 5_000, 64 << 20  # elements, and bytes of meshes and pictures, which MuJoCo compiles in a second or two
@@ -55,7 +56,7 @@ def compiled(tree: ElementTree.Element, path: Path) -> mujoco.MjModel:
     if sum(size for size, _ in parts) > 1.0:
         _try_in_child(xml, path, parts[0][1])
     try:
-        return mujoco.MjSpec.from_string(xml).compile()
+        return without_visuals(mujoco.MjSpec.from_string(xml)).compile()
     except Exception as error:
         raise CaseError(f"MJCF {path} does not compile: {reason(error)}; correct it") from None
 

@@ -92,7 +92,7 @@ def diagnose(
         progress("proving on held-out runs")
     if recording.held_out and not brief:
         models["freed"] = fit_freed(prepared, found.naive.states)
-    proof = prove(prepared, models, own_only=brief)
+    proof = prove(prepared, models, own_only=brief, progress=progress)
     rows = parameter_rows(found.final, recording)
     effects = findings(found.final, found.main, rows)
     left = remainder(prepared, found, proof, brief)
