@@ -41,20 +41,24 @@ def diagnose_recording(
         ValueError: `effects` cannot be run, or adds nothing.
     """
     with reserved(Path(folder)):  # a diagnosis takes too long to be lost at its end
-        recording = read_case(case, data)
-        if effects:
-            progress(f"adding {', '.join(load_effects(effects))} to the catalogue")
-        files = [Path(case), *inputs(case, data), *([Path(effects)] if effects else [])]
-        check_apart(Path(folder), files)
-        provenance = describe_inputs(files)  # of what was read, whatever becomes of it meanwhile
-        begun = time.perf_counter()
-        found = diagnose(recording, progress, limits=limits)
-        seconds = time.perf_counter() - begun
-        if len(found.members) > 1:
-            progress("designing the experiment that tells the names apart")
-        experiment = next_experiment(found)
-        progress("writing the page")
-        page = write_report(found, folder, experiment, provenance=provenance)
-        timing = {"seconds": seconds, "seconds_with_page": time.perf_counter() - begun}
-        write_text(json.dumps(timing, indent=1) + "\n", page.parent / TIMING)
-        return found, page
+        return _diagnosed(case, data, folder, progress, effects, limits)
+
+
+def _diagnosed(case, data, folder, progress, effects, limits) -> tuple[Diagnosis, Path]:
+    recording = read_case(case, data)
+    if effects:
+        progress(f"adding {', '.join(load_effects(effects))} to the catalogue")
+    files = [Path(case), *inputs(case, data), *([Path(effects)] if effects else [])]
+    check_apart(Path(folder), files)
+    provenance = describe_inputs(files)  # of what was read, whatever becomes of it meanwhile
+    begun = time.perf_counter()
+    found = diagnose(recording, progress, limits=limits)
+    seconds = time.perf_counter() - begun
+    if len(found.members) > 1:
+        progress("designing the experiment that tells the names apart")
+    experiment = next_experiment(found)
+    progress("writing the page")
+    page = write_report(found, folder, experiment, provenance=provenance)
+    timing = {"seconds": seconds, "seconds_with_page": time.perf_counter() - begun}
+    write_text(json.dumps(timing, indent=1) + "\n", page.parent / TIMING)
+    return found, page
