@@ -39,6 +39,8 @@ def diagnose_recording(
     """
     check_folder(Path(folder))  # a diagnosis takes too long to be lost at its end
     recording = read_case(case, data)
+    for note in recording.notes:
+        progress(f"note: {note}")
     if effects:
         progress(f"adding {', '.join(load_effects(effects))} to the catalogue")
     files = [Path(case), *inputs(case, data), *([Path(effects)] if effects else [])]
