@@ -158,6 +158,7 @@ def _check(options: argparse.Namespace) -> None:
     print(f"{options.case}: good. To fit: {spans[0]}; held out: {spans[1]}")
     print(f"every {recording.period:.6g} s: {', '.join(recording.channels)}")
     print(f"unknown: {', '.join(one.name for one in recording.unknowns) or 'nothing but the initial states'}")
+    print("".join(f"note: {note}\n" for note in recording.notes), end="")
 
 
 def _init(options: argparse.Namespace) -> None:

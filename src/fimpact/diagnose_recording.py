@@ -46,6 +46,8 @@ def diagnose_recording(
 
 def _diagnosed(case, data, folder, progress, effects, limits) -> tuple[Diagnosis, Path]:
     recording = read_case(case, data)
+    for note in recording.notes:
+        progress(f"note: {note}")
     if effects:
         progress(f"adding {', '.join(load_effects(effects))} to the catalogue")
     files = [Path(case), *inputs(case, data), *([Path(effects)] if effects else [])]

@@ -9,7 +9,7 @@ import numpy as np
 from fimpact.cases import quaternions
 from fimpact.cases import start as starts
 from fimpact.cases.channels import Channel, channels, commands
-from fimpact.cases.checks import check_recording, check_rows, check_sources, fewest
+from fimpact.cases.checks import check_columns, check_recording, check_rows, check_sources, fewest
 from fimpact.cases.compiling import compiled
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
@@ -41,6 +41,7 @@ def read_case(path: str | Path, data_root: str | Path | None = None) -> Recordin
     place_sensors(naive, case["measurements"])
     naive = replace(naive, model=compiled(naive.tree, naive.path))
     sampled, drives, seen = _sampled(case, naive, _root(case, path, data_root))
+    check_columns(sampled, drives, seen, set(case.get("accept", [])))
     period = _period(case, naive, sampled)
     recording = _recording(case, naive, seen, drives, sampled, period)
     check_recording(recording, naive.model, seen, set(case.get("accept", [])))
@@ -118,6 +119,7 @@ def _recording(
         start_sd=starts.prior(naive.model, start),
         window=window,
         windows=case.get("windows", 0),
+        notes=tuple(dict.fromkeys(note for one in sampled for note in one.notes)),
     )
 
 

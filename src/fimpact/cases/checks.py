@@ -6,13 +6,13 @@ from itertools import product
 import mujoco
 import numpy as np
 
-from fimpact.cases import kinds
-from fimpact.cases.channels import Channel
+from fimpact.cases import kinds, rows
+from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
 from fimpact.cases.kinematics import Log, sensor_ties, servo_ties, speed_ties
 from fimpact.cases.physics import dynamics_ties
 from fimpact.cases.readers import Column
-from fimpact.cases.runs import FEWEST
+from fimpact.cases.runs import FEWEST, Sampled
 from fimpact.cases.sources import Source, find
 from fimpact.cases.ties import doubt
 from fimpact.recordings import Recording
@@ -70,6 +70,22 @@ def _same(one: np.ndarray | None, other: np.ndarray | None) -> bool:
     return one is other or (one is not None and other is not None and np.array_equal(one, other))
 
 
+def check_columns(runs: list[Sampled], commands: list[Command], seen: list[Channel], accept: set[str]) -> None:
+    """Judge the columns of each run as they stand in its rows.
+
+    Raises:
+        CaseError: the first thing that cannot be right.
+    """
+    for run in runs:
+        for kind, complaint in rows.doubts(run.source.name, commands, run.commands, seen, run.measured):
+            _refuse(kind, complaint, accept)
+
+
+def _refuse(kind: str, complaint: str, accept: set[str]) -> None:
+    if kind not in accept:
+        raise CaseError(f"{complaint}; if it is meant, write `accept: [{kind}]`")
+
+
 def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Channel], accept: set[str]) -> None:
     """Judge a recording on its grid.
 
@@ -84,8 +100,7 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
             raise CaseError(complaint)
     for check in (_still, _ranges, _cutoffs, _ties):
         for kind, complaint in check(recording, model, seen):
-            if kind not in accept:
-                raise CaseError(f"{complaint}; if it is meant, write `accept: [{kind}]`")
+            _refuse(kind, complaint, accept)
     if recording.window and round(recording.window / recording.period) < FEWEST:
         raise CaseError(
             f"window is {recording.window:g} s, less than {FEWEST} samples of {recording.period:.6g} s; "

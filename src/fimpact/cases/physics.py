@@ -92,7 +92,7 @@ def _left(log: Log, balances, joints: list[np.ndarray], readings: tuple[Reading,
 
 def _found(log: Log, balances, joints, group: int, positions: Positions, readings: list[Misreading], quick: bool):
     """What readings of the same positions leave; quickly: at one width and without a delay."""
-    out = {reading: NOTHING for reading in readings}
+    out = dict.fromkeys(readings, NOTHING)
     for width in SMOOTHERS[1:2] if quick else SMOOTHERS:
         balance = balances(positions, group, width, quick)
         if len(balance.rows) >= FEWEST:
@@ -180,8 +180,8 @@ class Problem:
 def _problem(balance: Balance, forces: np.ndarray, dofs: np.ndarray, cap: float) -> Problem:
     """What of the force of inertia at a joint the other forces (delays, readings, n, nv) make up.
 
-    Each term may be `SCALE` times larger or smaller, because inertias are guesses, friction may help, and so may inertia
-    of the drive. Beyond the percentile `cap` an impact weighs no more: one a sample early would hide everything else.
+    Each term may be `SCALE` times larger or smaller, because inertias are guesses; friction and the drive's inertia
+    may help. Beyond the percentile `cap` an impact weighs no more: one a sample early would hide everything else.
     """
     size = np.linalg.norm(balance.inertia[:, dofs], axis=1)
     weight = np.minimum(1.0, 2 * np.percentile(size, cap) / np.maximum(size, 1e-300))[:, None]

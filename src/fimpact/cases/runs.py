@@ -10,6 +10,7 @@ from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
 from fimpact.cases.quaternions import one_sign, whole
 from fimpact.cases.readers import Column
+from fimpact.cases.rows import ordered, refreshed
 from fimpact.cases.sources import Source, find, is_number
 from fimpact.cases.timebase import GAP, HELD, Series, checked_time, held, noise_factor, on_grid, stretches
 from fimpact.cases.units import factor
@@ -26,6 +27,7 @@ class Sampled:
     source: Source
     commands: list[Series]
     measured: list[Series | None]
+    notes: tuple[str, ...] = ()
 
 
 def sample(
@@ -53,7 +55,24 @@ def sample(
     origin = min(one.time[0] for one in known)
     low, high = origin + source.start, origin + source.stop
     cut = [one and _cut(one, low, high, source.where) for one in (*ctrl, *seen)]
-    return Sampled(source, cut[: len(ctrl)], cut[len(ctrl) :])
+    fresh, notes = _refreshed(channels, cut[len(ctrl) :])
+    return Sampled(source, cut[: len(ctrl)], fresh, notes)
+
+
+def _refreshed(channels: list[Channel], seen: list[Series | None]):
+    """The series without rows in which a sensor's value was only written again, and a line about each such sensor."""
+    out, notes, at = list(seen), [], 0
+    for channel in channels:
+        place = slice(at, at + len(channel.columns))
+        at = place.stop
+        if all(seen[place]) and len({one.time.tobytes() for one in seen[place]}) == 1:
+            out[place], often = refreshed(seen[place])
+            if often > 1:
+                notes.append(
+                    f"each value of '{channel.sensor}' stands for {often} rows; it counts as read "
+                    f"every {out[place.start].period:.4g} s, in the first of them"
+                )
+    return out, tuple(notes)
 
 
 def _cut(series: Series, low: float, high: float, where: str) -> Series:
@@ -88,9 +107,11 @@ class _Reader:
             )
         if present.sum() < FEWEST:
             raise CaseError(f"{here} has {present.sum()} samples; allowed: {FEWEST} or more; remove the run")
-        checked = checked_time(time[present], here, column.numbers[present])
+        time, values, rows = time[present], column.values[present], column.numbers[present]
+        if self.time.get("sort"):
+            time, values, rows = ordered(time, values, rows, here)
         with np.errstate(over="ignore"):
-            series = Series(checked, (column.values[present] + offset) * scale)
+            series = Series(checked_time(time, here, rows), (values + offset) * scale)
         return _not_mostly_gaps(_measurable(series, here), here)
 
     def _present(self, column: Column, here: str) -> np.ndarray:

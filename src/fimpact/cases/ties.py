@@ -1,14 +1,14 @@
 """The consistency test: channels that a law ties together, read as declared and in every other way that is usual.
 
 A *tie* predicts some columns from others by a law that no robot breaks: kinematics (a gyro reads how the measured
-orientation turns), or rigid-body dynamics (commands, weight and inertia balance). A *reading* is another way to read the
-columns: in degrees, with another sign, order, frame or clock. As declared, the columns are forgiven every honest error
-(scale, offset, misalignment, delay, masses, friction), within bounds, and so they are under every other reading; what is
-left over decides. Another reading is believed in a run only if
+orientation turns), or rigid-body dynamics (commands, weight and inertia balance). A *reading* is another way to read
+the columns: in degrees, with another sign, order, frame or clock. As declared, the columns are forgiven every honest
+error (scale, offset, misalignment, delay, masses, friction), within bounds, and so they are under every other reading;
+what is left over decides. Another reading is believed in a run only if
 
-- as declared, more is left than the law itself may be wrong by (kinematics: nothing, dynamics: a quarter),
+- as declared, more is left than the law itself may be wrong by (kinematics: next to nothing, dynamics: a quarter),
 - under the other reading, little is left, and far less than as declared, and
-- the likelihood ratio, with unknown error and as many samples as are independent, outweighs the odds against it.
+- the likelihood ratio, with errors of unknown size and as many samples as are independent, outweighs the odds against.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -109,7 +109,7 @@ def bounded(gram: np.ndarray, cross: np.ndarray, lows: np.ndarray, highs: np.nda
 
 def least(several: Iterable[Left]) -> Left:
     """The one that leaves least."""
-    return min(several, key=lambda one: one.share, default=NOTHING)
+    return min(several, key=lambda one: (one.share, not len(one.residual)), default=NOTHING)
 
 
 def doubt(tie: Tie) -> tuple[Reading, str] | None:

@@ -14,6 +14,7 @@ PREFIXES = {"nano": "1e-9 = n-", "micro": "1e-6 = µ- = u-", "milli": "1e-3 = m-
 PREFIXES |= {"kilo": "1e3 = k-", "mega": "1e6 = M-"}
 BASES = ("meter = [length] = m", "second = [time] = s", "kilogram = [mass] = kg", "radian = [angle] = rad")
 BASES += ("volt = [voltage] = V", "ampere = [current] = A", "count = [counting] = counts")
+BASES += ("percent = [share] = pct",)  # of a range that the log does not know
 DERIVED = (
     "gram = 1e-3 * kilogram = g",
     f"degree = {tau / 360!r} * radian = deg",
@@ -28,8 +29,8 @@ DERIVED = (
     "foot = 0.3048 * meter = ft",
     "pound_force = 4.4482216152605 * newton = lbf",
 )
-EXAMPLES = "m, mm, rad, deg, rev, counts, s, ms, m/s, rad/s, deg/s, rpm, m/s^2, g_n, N, N m, mN m, V, A, 1"
 LONGEST = 80  # letters of a unit or a gain
+EXAMPLES = "m, mm, rad, deg, rev, counts, percent, s, ms, m/s, rad/s, deg/s, rpm, m/s^2, g_n, N, N m, mN m, V, A, 1"
 
 
 @cache
@@ -45,7 +46,7 @@ def _registry():
 
 
 def _quantity(text: str, where: str):
-    plain = text.replace("°", " deg").replace("·", "*").replace("\u03bc", "µ").strip()
+    plain = text.replace("°", " deg").replace("·", "*").replace("\u03bc", "µ").replace("%", "percent").strip()
     try:
         if len(plain) > LONGEST or _is_tower(plain):
             raise ValueError("too long, or a power of a power or beyond 9")
@@ -95,6 +96,11 @@ def factor(text: str, wanted: str | None, where: str, gain: str | None = None, p
 def _mismatch(text: str, wanted: str, where: str, value, gain: str | None) -> str:
     got = f"{text!r}" + (f" (with its gain {value.units:~})" if gain else "")
     helps = "counts_per_rev" if "count" in str(value.units) else "gain"
+    if "percent" in str(value.units):
+        return (
+            f"{where}.unit is {got}, but the MJCF has this in {wanted!r}; say what one percent of the "
+            f"calibrated range is: `gain: 0.0157 {wanted}/percent`, if -100..100 stands for -1.57..1.57 {wanted}"
+        )
     return (
         f"{where}.unit is {got}, but the MJCF has this in {wanted!r}; allowed: any unit of the same dimension; "
         f"correct the unit, or declare the conversion with `{helps}`"
