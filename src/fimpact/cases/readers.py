@@ -3,7 +3,7 @@
 Text is in `texts`, arrays of NumPy and MATLAB in `arrays`, bags of ROS in `ros`, datasets of LeRobot in `lerobot`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -68,7 +68,7 @@ def read_table(path: Path) -> Table:
         ) from None
 
 
-def _narrow(table: Table, path: Path) -> Table:
+def _narrow(table: Sequence, path: Path) -> Sequence:
     if len(table) > WIDEST:
         raise CaseError(f"data file {path} has {len(table)} columns; allowed: {WIDEST}; leave out what is not needed")
     return table
@@ -136,6 +136,7 @@ def arrow(table, path: Path, units: dict[str, str] | None = None) -> Table:
     Raises:
         CaseError: two columns of one name.
     """
+    _narrow(table.column_names, path)
     columns = [
         one
         for name, values in zip(table.column_names, table.columns, strict=True)

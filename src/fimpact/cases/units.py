@@ -31,6 +31,7 @@ DERIVED = (
 )
 LONGEST = 80  # letters of a unit or a gain
 EXAMPLES = "m, mm, rad, deg, rev, counts, percent, s, ms, m/s, rad/s, deg/s, rpm, m/s^2, g_n, N, N m, mN m, V, A, 1"
+STRANGE = re.compile(r"[^\w\s*/^().+-]")  # would be left out without a word
 
 
 @cache
@@ -50,6 +51,8 @@ def _quantity(text: str, where: str):
     try:
         if len(plain) > LONGEST or _is_tower(plain):
             raise ValueError("too long, or a power of a power or beyond 9")
+        if strange := STRANGE.search(plain):
+            raise ValueError(f"no unit has '{strange[0]}'")
         return _registry().Quantity(plain) if plain not in ("1", "") else _registry().Quantity(1.0, "")
     except Exception as error:
         why = f" ({reason(error)})" if str(error) else ""
