@@ -12,8 +12,8 @@ from bad_input import CASE, MODEL, check_refusal, log, state, table, write
 
 from fimpact.cli import main
 from fimpact.drafts import draft_folder
-from fimpact.progress import Teller
 from fimpact.report import reserved
+from fimpact.telling import Teller
 
 FIT = ("fit", "case.yaml", "coulomb@shoulder")
 EFFECTS = {

@@ -203,9 +203,11 @@ def test_catalogue_is_large_and_named_once():
     assert all(placements(effect) for effect in EFFECTS.values())
 
 
-def test_unknown_effect_lists_the_known():
-    """The message says what there is."""
-    with pytest.raises(ValueError, match=r"'gremlin' not found; allowed: coulomb, .*lists them all"):
+def test_unknown_effect_names_the_nearest():
+    """The message says where all are listed."""
+    with pytest.raises(ValueError, match="did you mean 'coulomb'"):
+        get_effect("colomb")
+    with pytest.raises(ValueError, match=r"'gremlin' not found; `fimpact effects` lists all"):
         get_effect("gremlin")
     assert get_effect("coulomb") is EFFECTS["coulomb"]
 

@@ -244,7 +244,7 @@ def _asked(options: argparse.Namespace) -> tuple:
 
 
 def _teller() -> Callable[[str], None]:
-    from fimpact.progress import Teller
+    from fimpact.telling import Teller
 
     return Teller()
 
