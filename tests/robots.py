@@ -9,7 +9,7 @@ import numpy as np
 from case_files import write_case_of, write_csv
 
 FINE, NOISE = 20, {"q": 2e-4, "v": 2e-3, "gyro": 5e-3, "acc": 5e-2, "turn": 5e-4, "force": 2e-2, "torque": 2e-3}
-LINK = """<body name="link{i}" pos="{pos}"><joint name="j{i}" axis="{axis}" damping="0.03" range="-{most} {most}"/>
+LINK = """<body name="link{i}" pos="{pos}"><joint name="j{i}" axis="{axis}" damping="0.1" range="-{most} {most}"/>
 <geom type="capsule" fromto="0 0 0 {end}" size="0.02" mass="{mass}" contype="0" conaffinity="0"/>"""
 TIP = """<site name="imu" pos="{end}" euler="20 10 30"/>"""
 SENSORS = """<gyro name="gyro" site="imu"/><accelerometer name="acc" site="imu"/>
@@ -97,7 +97,7 @@ def _commands(model: mujoco.MjModel, rng: np.random.Generator, count: int, perio
     servo = model.actuator_biasprm[0, 1] < 0
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    reach = np.array([0.5] * model.nu) if servo else 0.5 * _weights(model)
+    reach = np.array([0.5] * model.nu) if servo else 0.35 * _weights(model)
     return waves(rng, count, reach, period)
 
 
@@ -125,7 +125,10 @@ def case(xml: str, used: list[str], command_units: dict[str, str]) -> dict:
         key = {"column": name} if size == 1 else {"columns": names(name, size)}
         measurements[name] = key | {"unit": unit}
     drives = {model.actuator(i).name: i for i in range(model.nu)}
-    commands = {name: {"column": f"u_{name}", "unit": command_units.get(name, "N m")} for name in drives}
+    wanted = {name: command_units.get(name, "N m") for name in drives}
+    commands = {name: {"column": f"u_{name}", "unit": unit} for name, unit in wanted.items()}
+    for name in drives if "place" in used else ():
+        commands[name]["ctrl_unit"] = wanted[name]
     return {
         "model": "arm.xml",
         "time": {"column": "t", "unit": "s"},

@@ -98,7 +98,7 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
     for check in (_lengths, _same_runs, _noises):
         for complaint in check(recording):
             raise CaseError(complaint)
-    for check in (_still, _ranges, _cutoffs, _ties):
+    for check in (_still, _cutoffs, _ties, _ranges):
         for kind, complaint in check(recording, model, seen):
             _refuse(kind, complaint, accept)
     if recording.window and round(recording.window / recording.period) < FEWEST:

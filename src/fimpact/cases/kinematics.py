@@ -16,7 +16,6 @@ from fimpact.cases.start import position_columns
 from fimpact.cases.ties import DECLARED, MODEL_ERROR, NOTHING, Left, Reading, Tie, least, unexplained
 from fimpact.recordings import Recording
 
-EXACT = 0.01  # share that no wrong convention is as small as: a tenth of a radian of misalignment
 SCALE = 1.3  # a sensor's own scale may be this much off, and its axes lean by the sine of 0.3
 LATE = 0.1  # s: a sensor's own delay; it is looked for by a diagnosis, and no other clock
 SERVO = 2.0  # a servo under load may go that many times too far or short
@@ -330,7 +329,7 @@ def _sensor_tie(log: Log, channel: Channel, expected, quats: list[Channel]) -> T
             return least(_permuted(one, period, offset) for one in several)
         return least(compared(one, period, within, SCALE, offset) for one in several)
 
-    slack = MODEL_ERROR if channel.type in (kinds.FORCE, kinds.TORQUE) or _loose(log, channel) else EXACT
+    slack = MODEL_ERROR if channel.type in (kinds.FORCE, kinds.TORQUE) or _loose(log, channel) else 0.0
     readings = (*plain, axes, *ordered, clock)
     return Tie(f"'{name}' and the motion that the positions show", log.names, readings, left, slack)
 
@@ -402,7 +401,7 @@ def _speed_tie(log: Log, channel: Channel, positions: dict[str, str]) -> Tie:
         return least(compared(parts(reading, group, w), period, within, SCALE, 0.0) for w in SMOOTHERS)
 
     what = f"the speed '{speed}' and the derivative of '{position}'"
-    return Tie(what, log.names, (*causes, *swaps, unsigned, CLOCK), left, EXACT)
+    return Tie(what, log.names, (*causes, *swaps, unsigned, CLOCK), left)
 
 
 FACTORS = {  # speed over the derivative of the position, and what it tells
@@ -445,8 +444,8 @@ def servo_ties(log: Log) -> Iterator[Tie]:
         if target:
             told[actuator] = target
     for actuator in told:
-        yield _servo_tie(log, actuator, told)
         yield _cause_tie(log, actuator, told[actuator])
+        yield _servo_tie(log, actuator, told)
 
 
 @dataclass(frozen=True)

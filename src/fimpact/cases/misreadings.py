@@ -128,7 +128,7 @@ def _command_readings(log: Log) -> Iterator[Misreading]:
         cause = f"the command of '{name}' has the wrong sign"
         yield Misreading(cause, "sign", SIGN, factors=((actuator, -1.0),))
         if ctrl[:, actuator].min() >= 0 or ctrl[:, actuator].max() <= 0:
-            cause = f"the command of '{name}' has no direction, only a size"
+            cause = f"the command of '{name}' has a size but no direction"
             yield Misreading(cause, "sign", "log it with its sign", unsigned=actuator)
     for factor, size in ((1e-3, "large"), (1e3, "small")):
         if model.nu > 1:

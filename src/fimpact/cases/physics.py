@@ -85,7 +85,8 @@ def _left(log: Log, balances, joints: list[np.ndarray], readings: tuple[Reading,
     def all_left(positions: Positions, group: int) -> dict[Misreading, Left]:
         first = _found(log, balances, joints, group, positions, alike[positions], quick=True)
         hopeful = [one for one, left in first.items() if left.share < HOPEFUL or not one.doubt]
-        return first | (_found(log, balances, joints, group, positions, hopeful, quick=False) if hopeful else {})
+        closer = _found(log, balances, joints, group, positions, hopeful, quick=False) if hopeful else {}
+        return first | {one: left for one, left in closer.items() if left is not NOTHING}
 
     return lambda reading, group: all_left(misread(reading).positions, group)[misread(reading)]
 
@@ -204,7 +205,7 @@ def _problem(balance: Balance, forces: np.ndarray, dofs: np.ndarray, cap: float)
 
 def _balances(log: Log, columns: dict[str, list[int]]):
     careful, blind = _wary(log.model), _wary(log.model)
-    blind.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    blind.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
 
     @cache
     def motion(order: Reading, run: int, width: int) -> Motion:

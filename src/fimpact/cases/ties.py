@@ -6,8 +6,8 @@ the columns: in degrees, with another sign, order, frame or clock. As declared, 
 error (scale, offset, misalignment, delay, masses, friction), within bounds, and so they are under every other reading;
 what is left over decides. Another reading is believed in a run only if
 
-- as declared, more is left than the law itself may be wrong by (kinematics: next to nothing, dynamics: a quarter),
-- under the other reading, little is left, and far less than as declared, and
+- under the other reading, little is left: less by half than as declared if that is more than the law may be wrong by
+  (kinematics: nothing, dynamics: a quarter), else less by ten times, for then the law is not what is wrong, and
 - the likelihood ratio, with errors of unknown size and as many samples as are independent, outweighs the odds against.
 """
 
@@ -18,7 +18,9 @@ from functools import cache
 import numpy as np
 
 GOOD = 0.25  # share of what was measured that a reading which is right may leave unexplained
-BETTER = 0.4  # ratio of what the two readings leave: a law that is wrong by its slack is wrong under both
+BETTER = 0.4  # ratio of what the two readings leave, where as declared more is left than the law may be wrong by
+CLEAR = 0.1  # the same, where less is: so good a law under the other reading shows that the law is not what is wrong
+LEAST = 0.01  # share that no wrong convention is as small as: a tenth of a radian of misalignment
 ODDS = np.log(1000.0)  # against one certain reading being the right one, before the data: few logs are wrong in one way
 FEWEST = 20  # samples that can decide anything
 SWEEPS = 30  # through all coefficients, at most
@@ -116,7 +118,7 @@ def doubt(tie: Tie) -> tuple[Reading, str] | None:
     """The reading that is believed instead of the declared one, in all runs or in some, and one line about it."""
     left = cache(tie.left)
     every = range(len(tie.runs))
-    suspect = [run for run in every if left(DECLARED, run).share > tie.slack and len(left(DECLARED, run).residual)]
+    suspect = [run for run in every if left(DECLARED, run).share > LEAST and len(left(DECLARED, run).residual)]
     against = [(reading, [r for r in suspect if _believed(tie, left, reading, [r])]) for reading in tie.readings]
     pooled = [(reading, suspect) for reading in tie.readings if suspect and _believed(tie, left, reading, suspect)]
     found = [(reading, runs) for reading, runs in [*pooled, *against] if runs]
@@ -129,7 +131,7 @@ def doubt(tie: Tie) -> tuple[Reading, str] | None:
 
 def _believed(tie: Tie, left, reading: Reading, runs: list[int]) -> bool:
     before, after = _shares(left, DECLARED, runs), _shares(left, reading, runs)
-    if after >= GOOD or after >= BETTER * before or before <= tie.slack:
+    if before <= LEAST or after >= GOOD or after >= before * (BETTER if before > tie.slack else CLEAR):
         return False
     return _gain(left, reading, runs) > ODDS + np.log(len(tie.readings))
 
@@ -164,7 +166,7 @@ def _line(tie: Tie, left, reading: Reading, runs: list[int]) -> str:
 def _against(tie: Tie, left, reading: Reading, run: int) -> bool:
     """Whether a run speaks for the declared reading; some say nothing."""
     before, after = left(DECLARED, run), left(reading, run)
-    return len(before.residual) > 0 and (before.share < after.share or before.share <= tie.slack)
+    return len(before.residual) > 0 and (before.share < after.share or before.share <= LEAST)
 
 
 def _named(runs: list[str]) -> str:
