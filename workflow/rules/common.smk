@@ -33,7 +33,7 @@ REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in (
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
 EFFECTS = (
-    "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing sites "
+    "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing servos sites "
     "structure transmission"
 )
 SHARED = ["__init__", "tables", "drafts", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
@@ -78,7 +78,7 @@ STAGES = {
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
     + "scene stage replay gif examples".split(),
-    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, "experiments/figures", "effects/own"]
+    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, "experiments/figures", "effects/fields", "effects/own"]
     + "tables drafts looks scene stage gif motion film report_figures report_look report_numbers report_contents".split()
     + "report diagnose_recording".split(),
     "compare_recording": [*READ, *PROOF, "simulation/random_features"]

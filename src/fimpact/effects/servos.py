@@ -11,7 +11,7 @@ from fimpact.effects.native import exporting
 SERVO = "MuJoCo documentation, XML reference, actuator/position"
 TABLE = "ROBOTIS e-Manual, control tables of AX and X series (compliance margin, goal position)"
 GUESSED = "firmware counts its gains in units of its own; what models make of them is known to a third"
-STEPS = (360 / 4096, 300 / 1024, 1.0)  # degrees: X series and STS3215, AX series, whole degrees
+STEPS = (300 / 1024, 1.0)  # degrees: AX series, whole degrees; what is finer shows nowhere
 
 
 def servo_kp(model, site, change):
