@@ -41,7 +41,7 @@ RIGS = ["quiet"] + [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
 CASE = (
-    "__init__ angles arrays case channels checks compiling errors kinds kinematics load misreadings model "
+    "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics load misreadings model "
     "motion physics plausible quaternions readers ros rows runs sensors sources start ties timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]

@@ -9,6 +9,7 @@ import numpy as np
 from fimpact.cases import kinds, rows
 from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
+from fimpact.cases.exchanged import exchange_ties
 from fimpact.cases.kinematics import Log, sensor_ties, servo_ties, speed_ties
 from fimpact.cases.physics import dynamics_ties
 from fimpact.cases.readers import Column
@@ -155,11 +156,27 @@ def _still(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> 
             yield "silent", f"'{channel.sensor}' is {what} in every run: a silent sensor; correct its column"
         elif not np.ptp(known, axis=0).any():
             yield "constant", f"'{channel.sensor}' is constant, {known[0, 0]:.6g} in every run; correct its column"
+        else:
+            yield from _still_once(recording, model, channel)
     ctrl = np.concatenate([run.ctrl for run in recording.runs])
     for actuator, values in enumerate(ctrl.T):
         if np.ptp(values) <= 1e-9 * np.abs(values).max():  # but for what rounding does to means over a period
             name = model.actuator(actuator).name
             yield "constant", f"the command of '{name}' is constant, {values[0]:.6g} in every run; correct its column"
+
+
+def _still_once(recording: Recording, model: mujoco.MjModel, channel: Channel) -> Iterator[tuple[str, str]]:
+    """Runs in which a joint that is commanded to move reads nothing but 0; one that is at rest may."""
+    motors = [m for m in range(model.nu) if model.actuator_trntype[m] in kinds.AT_JOINT]
+    own = [m for m in motors if channel.joint and model.joint(model.actuator_trnid[m, 0]).name == channel.joint]
+    for run in recording.runs:
+        read = np.abs(np.column_stack([run.measured[:, recording.channels.index(name)] for name in channel.names]))
+        if np.isfinite(read).any() and np.nanmax(read) < NOTHING and any(np.ptp(run.ctrl[:, m]) > 0 for m in own):
+            yield (
+                "silent",
+                f"run '{run.name}': '{channel.sensor}' is 0 throughout, whatever it is commanded: a silent sensor; "
+                "correct its column, or remove the run",
+            )
 
 
 def _ranges(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
@@ -210,7 +227,7 @@ def _values(recording: Recording, name: str) -> np.ndarray:
 def _ties(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
     """What kinematics and dynamics tie together, the exact laws first."""
     log = Log.of(recording, model, seen)
-    for ties in (speed_ties, sensor_ties, servo_ties, dynamics_ties):
+    for ties in (speed_ties, sensor_ties, servo_ties, dynamics_ties, exchange_ties):
         for tie in ties(log):
             found = doubt(tie)
             if found:

@@ -105,6 +105,7 @@ def _scales(name: str, hinge: bool, limits: tuple[float, float] | None) -> Itera
     if hinge:
         yield f"the angle of '{name}' is in degrees but declared as radians", "units", UNIT, DEGREE, 0.0
         yield f"the angle of '{name}' is in radians but declared as degrees", "units", UNIT, 1 / DEGREE, 0.0
+        yield f"the angle of '{name}' is in mrad but declared as radians (wrong by 1000)", "units", UNIT, 1e-3, 0.0
         yield f"the angle of '{name}' is in counts of 4096 around 2048", "units", UNIT, COUNT, -np.pi
     else:
         yield f"the unit of '{name}' is wrong by 1000 (mm declared as m)", "units", UNIT, 1e-3, 0.0

@@ -72,10 +72,17 @@ def doubts(
         if size.size and np.max(size) < np.finfo(float).tiny:
             line = f"holds numbers such as {size[0]:.3g}: memory that was never filled, no readings; correct its column"
             yield "silent", f"run '{name}': {what} {line}"
-    for (one, _, series), (other, _, same) in combinations(columns, 2):
+    for (one, first, series), (other, second, same) in combinations(columns, 2):
         if one != other and len(series.value) == len(same.value) and _alike(series.value, same.value):
-            line = f"run '{name}': {one} and {other} hold the same numbers: one column was taken for both"
-            yield "same", f"{line}; correct one of them"
+            line = (
+                f"run '{name}': {one} and {other} hold the same numbers: column {_columns_of(first, second)} was taken"
+            )
+            yield "same", f"{line} for both; correct one of them"
+
+
+def _columns_of(*entries: Command | Channel) -> str:
+    names = [name for one in entries for name in (one.columns if isinstance(one, Channel) else (one.column,))]
+    return " and ".join(f"'{name}'" for name in dict.fromkeys(names))
 
 
 def _alike(one: np.ndarray, other: np.ndarray) -> bool:
