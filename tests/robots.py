@@ -27,7 +27,7 @@ def arm(seed: int, joints: int, servo: bool = False) -> str:
     """A random arm of this many hinges, with an IMU at its tip and a force sensor at its last link."""
     rng, bodies, close, pos = np.random.default_rng(seed), "", "", "0 0 1"
     for i in range(joints):
-        end = "0 0 -%.3f" % rng.uniform(0.15, 0.4)
+        end = f"0 0 -{rng.uniform(0.15, 0.4):.3f}"
         axis = ("0 1 0", "1 0 0")[int(rng.random() < 0.4)] if i else "0 1 0"
         bodies += LINK.format(i=i, pos=pos, axis=axis, end=end, mass=round(rng.uniform(0.2, 0.9), 3), most=170)
         pos, close = end, close + "</body>"
@@ -93,7 +93,8 @@ def log(
 def _commands(model: mujoco.MjModel, rng: np.random.Generator, count: int, period: float) -> np.ndarray:
     if model.jnt_type[0] == 0:
         mass = model.body_mass[1]
-        return waves(rng, count, np.array([1.0, 0.02, 0.02, 0.02]), period) + [mass * 9.81, 0, 0, 0]
+        hover = np.array([mass * 9.81, 0, 0, 0])
+        return hover + waves(rng, count, np.array([1.0, 0.02, 0.02, 0.02]), period)
     servo = model.actuator_biasprm[0, 1] < 0
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -1,4 +1,4 @@
-"""Log conventions that are never right silently: each wrong in every run or in one, and its clean twin, which is silent."""
+"""Log conventions that are never right silently: each wrong in every run or in one, its clean twin without a word."""
 
 from collections.abc import Callable
 
@@ -119,6 +119,12 @@ WRONG = {  # robot, change, words of the line
     "target taken for the angle": ("servo", lambda c: {"q0": c["u_m0"]}, "same numbers"),
     "commands on another clock": ("servo", shifted(1.0, "u_m0", "u_m1"), "clock"),
 }
+WRONG_ONCE = {
+    "angle always zero": ("bare", of("q1", lambda q: 0 * q), "does not change in run 'b'"),
+    "gyro always zero": ("two", times(0, *GYRO), "does not change in run 'b'"),
+    "effort never filled": ("bare", times(0, "u_m0"), "is 0 throughout run 'b'"),
+    "effort of memory": ("bare", of("u_m0", lambda u: 0 * u + 4.9e-324), "never filled"),
+}
 ONE = ["gyro in degrees", "speed reversed", "angle in degrees", "angle reversed", "command reversed", "servo reversed"]
 ONE += ["gravity taken out, arm", "quaternion x y z w, thrown", "servo read in degrees", "force reversed"]
 
@@ -146,8 +152,87 @@ def test_what_is_wrong_in_every_run_is_said(name, tmp_path):
     assert words in line and "only" not in line
 
 
+@pytest.mark.parametrize("name", WRONG_ONCE)
+def test_what_is_dead_in_one_run_is_said(name, tmp_path):
+    robot, change, words = WRONG_ONCE[name]
+    assert words in refusal(tmp_path, robot, {"b": change})
+
+
 @pytest.mark.parametrize("name", ONE)
 def test_what_is_wrong_in_one_run_is_said_of_that_run(name, tmp_path):
     robot, change, words = WRONG[name]
     line = refusal(tmp_path, robot, {"b": change})
     assert words in line and "'b'" in line
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("servo", [False, True])
+def test_an_honest_model_error_is_no_wrong_convention(seed, servo, tmp_path):
+    joints = 1 + seed
+    used = [f"q{i}" for i in range(joints)] + ["gyro", "acc", "turn", "force", "torque"][: seed + 2]
+    units = {f"m{i}": "rad" for i in range(joints)} if servo else {}
+    # Masses 10 to 30 % off, friction that the model lacks, and 20 ms from a command to its torque.
+    path = robots.write(tmp_path, robots.arm(40 + seed, joints, servo), used, units, {}, wrong=True, late=2)
+    assert read_case(path).runs
+
+
+def test_a_late_sensor_is_said_and_read(tmp_path):
+    xml, used, units = ROBOTS["two"]
+    late = shifted(0.04, *GYRO)
+    notes = read_case(robots.write(tmp_path, xml, used, units, {"a": late, "b": late})).notes
+    assert len(notes) == 1 and "'gyro'" in notes[0] and "0.04 s later" in notes[0]
+
+
+def test_values_that_stand_for_several_rows_count_once(tmp_path):
+    xml, used, units = ROBOTS["bare"]
+
+    def stale(c: dict) -> dict:
+        return {name: np.repeat(c[name][::3], 3)[: len(c[name])] for name in used}
+
+    recording = read_case(robots.write(tmp_path, xml, used, units, {"a": stale, "b": stale}))
+    assert recording.period == pytest.approx(0.03) and "'q0' stands for 3 rows" in recording.notes[0]
+    np.testing.assert_allclose(recording.runs[0].measured[:, 0], robots.log(xml, 1)["q0"][::3], atol=1e-9)
+
+
+def test_a_coarse_encoder_is_no_slow_one(tmp_path):
+    xml, used, units = ROBOTS["bare"]
+    coarse = of("q0", lambda q: np.round(q / 0.006) * 0.006)
+    recording = read_case(robots.write(tmp_path, xml, used, units, {"a": coarse, "b": coarse}))
+    assert recording.period == pytest.approx(0.01) and not recording.notes
+
+
+def of_a_bag(c: dict) -> dict:
+    """Rows as a bag holds them: neighbours swapped, some twice."""
+    rows = np.arange(len(c["t"]))
+    rows[40:700:60], rows[41:701:60] = rows[41:701:60], rows[40:700:60].copy()
+    rows = np.insert(rows, [100, 300], rows[[100, 300]])
+    return {name: values[rows] for name, values in c.items()}
+
+
+def test_rows_of_a_bag_are_sorted_where_that_is_asked(tmp_path):
+    xml, used, units = ROBOTS["bare"]
+    clean = read_case(robots.write(tmp_path, xml, used, units, {}))
+    changes = {"a": of_a_bag, "b": of_a_bag}
+    assert "write `sort: true` under `time`" in refusal(tmp_path, "bare", changes)
+    asked = {"time": {"column": "t", "unit": "s", "sort": True}}
+    got = read_case(robots.write(tmp_path, xml, used, units, changes, **asked))
+    for one, other in zip(got.runs, clean.runs, strict=True):
+        np.testing.assert_array_equal(one.measured, other.measured)
+        np.testing.assert_array_equal(one.ctrl, other.ctrl)
+
+
+def test_two_rows_of_one_time_that_differ_are_not_sorted_away(tmp_path):
+    def doubled(c: dict) -> dict:
+        return of_a_bag(c) | {"q0": of_a_bag(c)["q0"] + 1e-3 * np.arange(len(of_a_bag(c)["t"]))}
+
+    asked = {"time": {"column": "t", "unit": "s", "sort": True}}
+    assert "are both of" in refusal(tmp_path, "bare", {"a": doubled}, **asked)
+
+
+def test_a_share_of_the_range_asks_for_what_a_percent_is(tmp_path):
+    percent = of("q0", lambda q: q / np.deg2rad(170) * 100)
+    entry = {"q0": {"column": "q0", "unit": "percent"}, "q1": {"column": "q1", "unit": "rad"}}
+    changes = {"a": percent, "b": percent}
+    assert "gain: 0.0157 rad/percent" in refusal(tmp_path, "bare", changes, measurements=entry)
+    entry["q0"]["gain"] = f"{np.deg2rad(1.7)} rad/percent"
+    assert not refusal(tmp_path, "bare", changes, measurements=entry)

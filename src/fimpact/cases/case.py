@@ -44,8 +44,8 @@ def read_case(path: str | Path, data_root: str | Path | None = None) -> Recordin
     check_columns(sampled, drives, seen, set(case.get("accept", [])))
     period = _period(case, naive, sampled)
     recording = _recording(case, naive, seen, drives, sampled, period)
-    check_recording(recording, naive.model, seen, set(case.get("accept", [])))
-    return recording
+    notes = check_recording(recording, naive.model, seen, set(case.get("accept", [])))
+    return replace(recording, notes=(*recording.notes, *notes))
 
 
 def inputs(path: str | Path, data_root: str | Path | None = None) -> list[Path]:

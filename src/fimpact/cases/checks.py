@@ -15,7 +15,7 @@ from fimpact.cases.physics import dynamics_ties
 from fimpact.cases.readers import Column
 from fimpact.cases.runs import FEWEST, Sampled
 from fimpact.cases.sources import Source, find
-from fimpact.cases.ties import doubt
+from fimpact.cases.ties import DECLARED, MODEL_ERROR, ODDS, doubt, far_better, note
 from fimpact.recordings import Recording
 
 NOTHING = 1e-12  # of anything measured, in SI units
@@ -87,26 +87,34 @@ def _refuse(kind: str, complaint: str, accept: set[str]) -> None:
         raise CaseError(f"{complaint}; if it is meant, write `accept: [{kind}]`")
 
 
-def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Channel], accept: set[str]) -> None:
+def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Channel], accept: set[str]) -> list[str]:
     """Judge a recording on its grid.
 
     Args:
         model: compiled naive model. seen: its channels. accept: doubts that the case says are meant.
 
+    Returns:
+        Lines about what is unusual and may be right.
+
     Raises:
         CaseError: the first thing that cannot be right.
     """
+    notes = []
     for check in (_lengths, _same_runs, _noises):
         for complaint in check(recording):
             raise CaseError(complaint)
-    for check in (_still, _cutoffs, _ties, _ranges):
+    for check in (_still, _dead, _cutoffs, _ties, _ranges):
         for kind, complaint in check(recording, model, seen):
-            _refuse(kind, complaint, accept)
+            if kind:
+                _refuse(kind, complaint, accept)
+            else:
+                notes.append(complaint)
     if recording.window and round(recording.window / recording.period) < FEWEST:
         raise CaseError(
             f"window is {recording.window:g} s, less than {FEWEST} samples of {recording.period:.6g} s; "
             "allowed: longer ones, or 0 for whole runs; make it longer"
         )
+    return notes
 
 
 def fewest(window: float, period: float) -> int:
@@ -156,27 +164,11 @@ def _still(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> 
             yield "silent", f"'{channel.sensor}' is {what} in every run: a silent sensor; correct its column"
         elif not np.ptp(known, axis=0).any():
             yield "constant", f"'{channel.sensor}' is constant, {known[0, 0]:.6g} in every run; correct its column"
-        else:
-            yield from _still_once(recording, model, channel)
     ctrl = np.concatenate([run.ctrl for run in recording.runs])
     for actuator, values in enumerate(ctrl.T):
         if np.ptp(values) <= 1e-9 * np.abs(values).max():  # but for what rounding does to means over a period
             name = model.actuator(actuator).name
             yield "constant", f"the command of '{name}' is constant, {values[0]:.6g} in every run; correct its column"
-
-
-def _still_once(recording: Recording, model: mujoco.MjModel, channel: Channel) -> Iterator[tuple[str, str]]:
-    """Runs in which a joint that is commanded to move reads nothing but 0; one that is at rest may."""
-    motors = [m for m in range(model.nu) if model.actuator_trntype[m] in kinds.AT_JOINT]
-    own = [m for m in motors if channel.joint and model.joint(model.actuator_trnid[m, 0]).name == channel.joint]
-    for run in recording.runs:
-        read = np.abs(np.column_stack([run.measured[:, recording.channels.index(name)] for name in channel.names]))
-        if np.isfinite(read).any() and np.nanmax(read) < NOTHING and any(np.ptp(run.ctrl[:, m]) > 0 for m in own):
-            yield (
-                "silent",
-                f"run '{run.name}': '{channel.sensor}' is 0 throughout, whatever it is commanded: a silent sensor; "
-                "correct its column, or remove the run",
-            )
 
 
 def _ranges(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
@@ -225,10 +217,70 @@ def _values(recording: Recording, name: str) -> np.ndarray:
 
 
 def _ties(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
-    """What kinematics and dynamics tie together, the exact laws first."""
+    """What kinematics and dynamics tie together, the exact laws first; a line of the kind "" is but a note."""
     log = Log.of(recording, model, seen)
     for ties in (speed_ties, sensor_ties, servo_ties, dynamics_ties, exchange_ties):
         for tie in ties(log):
-            found = doubt(tie)
+            found, late = doubt(tie), note(tie)
             if found:
                 yield found[0].doubt, found[1]
+            elif late:
+                yield "", late
+    yield from _unfilled(log)
+
+
+def _dead(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    """Sensors that do not change at all in one run, although in it moves what they measure."""
+    log = Log.of(recording, model, seen)
+    for channel in seen:
+        spans = [_span(run.measured[:, log.places[channel.sensor]]) for run in recording.runs]
+        for run, span in zip(recording.runs, spans, strict=True):
+            mover = _mover(log, channel)
+            if span or not max(spans) or mover is None:
+                continue
+            usual = min(_span(mover(other)) for other, own in zip(recording.runs, spans, strict=True) if own)
+            if usual and _span(mover(run)) > 0.5 * usual:
+                yield (
+                    "constant",
+                    f"'{channel.sensor}' does not change in run '{run.name}', unlike in others, although what moves it "
+                    "does; correct its column, or remove the run",
+                )
+
+
+def _span(values: np.ndarray) -> float:
+    """By how much columns (T, k) change, inf if next to nothing of them is known."""
+    known = values[np.isfinite(values).all(axis=1)]
+    return float(np.ptp(known, axis=0).max()) if len(known) > FEWEST else np.inf
+
+
+def _mover(log: Log, channel: Channel):
+    """Columns, of a run, of what makes a sensor change: the commands of its joint, or all positions."""
+    positions = [log.places[one.sensor] for one in log.seen if one.type == kinds.JOINTPOS and one != channel]
+    drives = [
+        actuator
+        for actuator in range(log.model.nu)
+        if channel.joint
+        and int(log.model.actuator_trntype[actuator]) in kinds.AT_JOINT
+        and log.model.joint(int(log.model.actuator_trnid[actuator, 0])).name == channel.joint
+    ]
+    if drives:
+        return lambda run: run.ctrl[:, drives]
+    if not channel.joint and positions:
+        return lambda run: run.measured[:, [place[0] for place in positions]]
+    return None
+
+
+def _unfilled(log: Log) -> Iterator[tuple[str, str]]:
+    """Commands that are 0 in one run, in which the robot moves as nothing but a command can make it."""
+    ctrl = [np.concatenate([log.recording.runs[run].ctrl for run in group]) for group in log.groups]
+    for tie in dynamics_ties(log) if any(not one.any(axis=0).all() for one in ctrl) else ():
+        left = [tie.left(DECLARED, group) for group in range(len(log.groups))]
+        for actuator in range(log.model.nu if tie.slack == MODEL_ERROR else 0):
+            used = [bool(one[:, actuator].any()) for one in ctrl]
+            good = [one.share for one, full in zip(left, used, strict=True) if full]
+            for name, one, full in zip(log.names, left, used, strict=True):
+                usual = float(np.median(good)) if good and not full else one.share
+                gain = 0.5 * one.independent * np.log(one.share / max(usual, 1e-12))
+                if far_better(one.share, usual, MODEL_ERROR) and gain > ODDS + np.log(len(left) * log.model.nu):
+                    line = f"the command of '{log.model.actuator(actuator).name}' is 0 throughout run '{name}', but the"
+                    yield "silent", f"{line} motion there needs it: it was never filled; correct it, or remove the run"

@@ -13,7 +13,7 @@ from fimpact.cases import kinds
 from fimpact.cases.channels import Channel
 from fimpact.cases.motion import SMOOTHERS, Motion, derivative, filled, moved, position_sources, turns
 from fimpact.cases.start import position_columns
-from fimpact.cases.ties import DECLARED, MODEL_ERROR, NOTHING, Left, Reading, Tie, least, unexplained
+from fimpact.cases.ties import DECLARED, MODEL_ERROR, NOTHING, PUNCTUAL, Left, Reading, Tie, least, unexplained
 from fimpact.recordings import Recording
 
 SCALE = 1.3  # a sensor's own scale may be this much off, and its axes lean by the sine of 0.3
@@ -323,7 +323,7 @@ def _sensor_tie(log: Log, channel: Channel, expected, quats: list[Channel]) -> T
         return [(_shown(log, run, channel, order, width), expect(one)) for run, one in both]
 
     def left(reading: Reading, group: int) -> Left:
-        within = (-APART, APART) if reading == clock else (-LATE, LATE)
+        within = _within(reading, clock)
         several = [parts(reading, group, width) for width in SMOOTHERS]
         if reading == axes:
             return least(_permuted(one, period, offset) for one in several)
@@ -331,12 +331,17 @@ def _sensor_tie(log: Log, channel: Channel, expected, quats: list[Channel]) -> T
 
     slack = MODEL_ERROR if channel.type in (kinds.FORCE, kinds.TORQUE) or _loose(log, channel) else 0.0
     readings = (*plain, axes, *ordered, clock)
-    return Tie(f"'{name}' and the motion that the positions show", log.names, readings, left, slack)
+    return Tie(f"'{name}' and the motion that the positions show", log.names, readings, left, slack, prompt=True)
 
 
 def _loose(log: Log, channel: Channel) -> bool:
     """Whether an acceleration is of a body whose position is not measured."""
     return channel.type == kinds.ACCELEROMETER and any(len(place) == 4 for place in log.columns().values())
+
+
+def _within(reading: Reading, clock: Reading) -> tuple[float, float]:
+    """Delays, s, that a reading allows."""
+    return {clock: (-APART, APART), PUNCTUAL: (0.0, 0.0)}.get(reading, (-LATE, LATE))
 
 
 def _of(reading: Reading, name: str) -> Reading:
@@ -397,11 +402,11 @@ def _speed_tie(log: Log, channel: Channel, positions: dict[str, str]) -> Tie:
         return out
 
     def left(reading: Reading, group: int) -> Left:
-        within = (-APART, APART) if reading == CLOCK else (-LATE, LATE)
+        within = _within(reading, CLOCK)
         return least(compared(parts(reading, group, w), period, within, SCALE, 0.0) for w in SMOOTHERS)
 
     what = f"the speed '{speed}' and the derivative of '{position}'"
-    return Tie(what, log.names, (*causes, *swaps, unsigned, CLOCK), left)
+    return Tie(what, log.names, (*causes, *swaps, unsigned, CLOCK), left, prompt=True)
 
 
 FACTORS = {  # speed over the derivative of the position, and what it tells

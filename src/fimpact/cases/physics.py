@@ -30,13 +30,14 @@ LATE = (0.0, 0.02, 0.05, 0.1, 0.2)  # s: delays of a command that are honest
 
 @dataclass(frozen=True)
 class Balance:
-    """Generalised forces in n states: of inertia, weight, speed (n, nv), and what each actuator adds.
+    """Generalised forces in n states: of inertia, of a joint's own inertia, weight, speed (n, nv), and of actuators.
 
     bias, gain: force of each actuator without a command, and by one unit of it, (n, nu). arms: (n, nu, nv).
     speed, acceleration: (n, nv). rows: indices of the samples in the concatenated runs of a group.
     """
 
     inertia: np.ndarray
+    own: np.ndarray
     weight: np.ndarray
     moving: np.ndarray
     bias: np.ndarray
@@ -113,7 +114,7 @@ def _commands(log: Log, group: int, readings: list[Misreading], delays: tuple[fl
 
 def _unbalanced(balance: Balance, commands: np.ndarray, joints: list[np.ndarray], readings: list[Misreading], caps):
     """What each reading leaves at the delay and the cap that suit it: the mean of all joints, whose units differ."""
-    power = [np.sum(balance.inertia[:, dofs] ** 2) for dofs in joints]
+    power = [np.sum(balance.own[:, dofs] ** 2) for dofs in joints]
     moving = [dofs for dofs, size in zip(joints, power, strict=True) if size > 1e-9 * max(power) > 0]
     if not moving:
         return [NOTHING] * len(readings)
@@ -151,11 +152,14 @@ def _directed(balance: Balance, ctrl: np.ndarray, actuator: int) -> np.ndarray:
 class Problem:
     """Least squares of one joint for each delay and reading, and last of friction alone (B + 1 in all).
 
-    columns: (B, k, n). target: (n,). gram, cross, low, high: as `bounded` has them.
+    columns: (B, k, n). target: (n,). own: (n,), by which what is left is judged: the target has inertia of other
+    joints, too, and where a reading makes one joint's motion small, would be all that is left to explain. low, high: as
+    `bounded` has them.
     """
 
     columns: np.ndarray
     target: np.ndarray
+    own: np.ndarray
     low: np.ndarray
     high: np.ndarray
 
@@ -168,12 +172,11 @@ class Problem:
     @property
     def cross(self) -> np.ndarray:
         """Products of the columns with the target."""
-        out = self.columns @ self.target
-        return np.concatenate([out, out[:1]])
+        return np.concatenate([self.columns @ self.target, self.columns[:1] @ self.own])
 
     def left(self, found: np.ndarray) -> np.ndarray:
         """Residuals (B, n), in units of what friction alone leaves."""
-        alone = self.target - found[-1] @ self.columns[0]
+        alone = self.own - found[-1] @ self.columns[0]
         rests = self.target - np.einsum("bk,bkn->bn", found[:-1], self.columns)
         return rests / max(float(np.linalg.norm(alone)), 1e-300)
 
@@ -200,7 +203,7 @@ def _problem(balance: Balance, forces: np.ndarray, dofs: np.ndarray, cap: float)
     rotor = ROTOR * own / max(float(np.linalg.norm(given[2])), 1e-300)
     low, high = [1 / SCALE, 1 / SCALE, 0.0, 0.0, 0.0, 0.0], [SCALE, SCALE, SCALE, rotor, *strongest]
     lows = np.array([*[low] * len(acting), [0.0] * 6])
-    return Problem(columns, target, lows, np.array([*[high] * len(acting), [0.0] * 4 + strongest]))
+    return Problem(columns, target, row(balance.own), lows, np.array([*[high] * len(acting), [0.0] * 4 + strongest]))
 
 
 def _balances(log: Log, columns: dict[str, list[int]]):
@@ -237,22 +240,22 @@ def _balance(model: mujoco.MjModel, q: np.ndarray, v: np.ndarray, a: np.ndarray,
         if one is not None and all(np.isfinite(x).all() for x in one):
             kept.append(row)
             found.append(one)
-    shapes = [(model.nv,)] * 3 + [(model.nu,)] * 2 + [(model.nu, model.nv)]
+    shapes = [(model.nv,)] * 4 + [(model.nu,)] * 2 + [(model.nu, model.nv)]
     arrays = [np.array([one[k] for one in found]).reshape(len(kept), *shape) for k, shape in enumerate(shapes)]
     return Balance(*arrays, v[kept], a[kept], rows[kept])
 
 
 def _forces(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.ndarray, a: np.ndarray):
-    """Inertia, weight, what comes of speed (nv), bias and gain (nu) and lever arms (nu, nv) of the actuators, without
-    the directions that a closed loop forbids; None where something touches."""
+    """Inertia, a joint's own, weight, what comes of speed (nv), bias and gain (nu) and lever arms (nu, nv) of the
+    actuators, without the directions that a closed loop forbids; None where something touches."""
     data.qpos[:], data.qvel[:], data.ctrl[:], data.act[:] = q, v, 0.0, 0.0
     mujoco.mj_fwdPosition(model, data)
     kinds_of = data.efc_type[: data.nefc]
     if data.ncon or (kinds_of > kinds.LAST_FRICTION).any():
         return None
     mujoco.mj_fwdVelocity(model, data)
-    inertia, all_bias, weight = np.zeros(model.nv), data.qfrc_bias.copy(), np.zeros(model.nv)
-    mujoco.mj_mulM(model, data, inertia, a)
+    masses, all_bias, weight = np.zeros((model.nv, model.nv)), data.qfrc_bias.copy(), np.zeros(model.nv)
+    mujoco.mj_fullM(model, data, masses)
     passive, lifted = data.qfrc_passive.copy(), data.qfrc_gravcomp.copy()
     bias, arms = _acting(model, data, 0.0)
     gain = _acting(model, data, 1.0)[0] - bias
@@ -261,7 +264,15 @@ def _forces(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.nda
     mujoco.mj_comVel(model, data)
     mujoco.mj_rne(model, data, 0, weight)
     speed = all_bias - weight - passive + lifted
-    return free @ inertia, free @ (weight - lifted), free @ speed, bias, gain, arms @ free
+    return (
+        free @ masses @ a,
+        free @ (np.diag(masses) * a),
+        free @ (weight - lifted),
+        free @ speed,
+        bias,
+        gain,
+        arms @ free,
+    )
 
 
 def _acting(model: mujoco.MjModel, data: mujoco.MjData, command: float) -> tuple[np.ndarray, np.ndarray]:

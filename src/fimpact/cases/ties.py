@@ -39,6 +39,7 @@ class Reading:
 
 
 DECLARED = Reading("as declared", "")
+PUNCTUAL = Reading("without any delay", "")
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ NOTHING = Left(1.0, np.zeros(0))  # where nothing can be compared
 class Tie:
     """Columns tied by a law. what: the two sides, in words. runs: names. left: of a reading in a run, by its index.
 
-    slack: share that the law may be wrong by itself.
+    slack: share that the law may be wrong by itself. prompt: whether `left` knows the reading `PUNCTUAL`.
     """
 
     what: str
@@ -70,6 +71,7 @@ class Tie:
     readings: tuple[Reading, ...]
     left: Callable[[Reading, int], Left]
     slack: float = 0.0
+    prompt: bool = False
 
 
 def unexplained(rows: Sequence[Rows], delay: float = 0.0) -> Left:
@@ -131,9 +133,35 @@ def doubt(tie: Tie) -> tuple[Reading, str] | None:
 
 def _believed(tie: Tie, left, reading: Reading, runs: list[int]) -> bool:
     before, after = _shares(left, DECLARED, runs), _shares(left, reading, runs)
-    if before <= LEAST or after >= GOOD or after >= before * (BETTER if before > tie.slack else CLEAR):
+    if not far_better(before, after, tie.slack):
         return False
-    return _gain(left, reading, runs) > ODDS + np.log(len(tie.readings))
+    several = 1 if len(runs) == len(tie.runs) else len(tie.runs)
+    return _gain(left, reading, runs) > ODDS + np.log(len(tie.readings) * several)
+
+
+def note(tie: Tie) -> str | None:
+    """A line about a delay that both sides of a tie show clearly, as an honest sensor may have one."""
+    left = cache(tie.left)
+    known = [run for run in range(len(tie.runs)) if tie.prompt and len(left(DECLARED, run).residual)]
+    delays = [left(DECLARED, run).delay for run in known]
+    if not delays or min(delays) * max(delays) <= 0:
+        return None
+    gain = sum(
+        0.5 * left(PUNCTUAL, r).independent * np.log(left(PUNCTUAL, r).share / max(left(DECLARED, r).share, 1e-12))
+        for r in known
+    )
+    if gain < ODDS or _shares(left, DECLARED, known) > BETTER * _shares(left, PUNCTUAL, known):
+        return None
+    return f"{tie.what}: {_late(float(np.median(delays)))}"
+
+
+def _late(delay: float) -> str:
+    return f"the first comes {abs(delay):.3g} s {'later' if delay > 0 else 'earlier'} than the second"
+
+
+def far_better(before: float, after: float, slack: float) -> bool:
+    """Whether the second of two shares that are left is so much less that the law cannot be what is wrong."""
+    return before > LEAST and after < min(GOOD, before * (BETTER if before > slack else CLEAR))
 
 
 def _shares(left, reading: Reading, runs: list[int]) -> float:
@@ -155,6 +183,8 @@ def _line(tie: Tie, left, reading: Reading, runs: list[int]) -> str:
         if other.doubt and _shares(left, other, runs) < _shares(left, reading, runs) + 0.02
     ]
     causes = list(dict.fromkeys([reading.cause, *(other.cause for other in alike)]))[:3]
+    if reading.doubt == "clock":
+        causes = [f"{reading.cause}: {_late(left(reading, runs[0]).delay)}"]
     other = [run for run in range(len(tie.runs)) if run not in runs and _against(tie, left, reading, run)]
     where = f" in {_named([tie.runs[run] for run in runs])} only" if other else ""
     return (
