@@ -18,6 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 JOINTS = "shoulder_pan shoulder_lift elbow_flex wrist_flex wrist_roll gripper".split()
 AXES = "0 0 1", "0 1 0", "0 1 0", "0 1 0", "1 0 0", "0 0 1"
+RANGES = np.array([[-1.9, 1.8]] * 4 + [[-2.8, 2.7], [-1.9, 1.8]])  # rad
 RATE = 50  # Hz
 EPOCH = 1_764_000_000_000_000_000  # ns
 
@@ -25,10 +26,10 @@ EPOCH = 1_764_000_000_000_000_000  # ns
 def mjcf(before: str = "", after: str = "") -> str:
     """An arm of six links, each a capsule with a servo at its joint."""
     bodies = "".join(
-        f'<body name="link{i}" pos="{0.06 if i else 0} 0 0"><joint name="{name}" axis="{axis}" range="-1.9 1.8" '
+        f'<body name="link{i}" pos="{0.06 if i else 0} 0 0"><joint name="{name}" axis="{axis}" range="{low} {high}" '
         f'damping="0.6" frictionloss="0.05" armature="0.028"/><geom type="capsule" fromto="0 0 0 0.06 0 0" size="0.01" '
         f'mass="0.08"/>'
-        for i, (name, axis) in enumerate(zip(JOINTS, AXES, strict=True))
+        for i, (name, axis, (low, high)) in enumerate(zip(JOINTS, AXES, RANGES, strict=True))
     )
     servos = "".join(f'<position name="{name}" joint="{name}" kp="20" kv="0.5"/>' for name in JOINTS)
     return (
@@ -69,9 +70,7 @@ def table(runs: list[dict]) -> pd.DataFrame:
         named = {f"action.{name}.pos": one["action"][:, i] for i, name in enumerate(JOINTS)}
         named |= {f"observation.state.{name}.pos": one["state"][:, i] for i, name in enumerate(JOINTS)}
         frames = np.arange(len(one["time"]))
-        parts.append(
-            pd.DataFrame(named | {"timestamp": one["time"], "frame_index": frames, "episode_index": episode})
-        )
+        parts.append(pd.DataFrame(named | {"timestamp": one["time"], "frame_index": frames, "episode_index": episode}))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -79,7 +78,10 @@ def lerobot(folder: Path, runs: list[dict], version: str = "v3.0") -> Path:
     """A dataset of LeRobot: v3 has all episodes in one file, v2 a file for each."""
     names = [f"{name}.pos" for name in JOINTS]
     lists = {"dtype": "float32", "shape": [len(JOINTS)], "names": names}
-    features = {"action": lists, "observation.state": lists if version == "v3.0" else lists | {"names": {"motors": names}}}
+    features = {
+        "action": lists,
+        "observation.state": lists if version == "v3.0" else lists | {"names": {"motors": names}},
+    }
     features["observation.images.front"] = {"dtype": "video", "shape": [480, 640, 3], "names": ["height", "width", "c"]}
     features |= {name: {"dtype": "int64", "shape": [1], "names": None} for name in ("frame_index", "episode_index")}
     features["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
@@ -190,7 +192,11 @@ def bag(folder: Path, content: list[tuple[str, str, int, dict]]) -> Path:
     with BagWriter(folder, version=8) as writer:
         kinds = {topic: kind for topic, kind, _, _ in content}
         for kind in set(kinds.values()) - set(store.fielddefs):
-            new = {name: one for name, one in get_types_from_msg(MESSAGES[kind], kind).items() if name not in store.fielddefs}
+            new = {
+                name: one
+                for name, one in get_types_from_msg(MESSAGES[kind], kind).items()
+                if name not in store.fielddefs
+            }
             store.register(new)
         connections = {t: writer.add_connection(t, kind, typestore=store) for t, kind in kinds.items()}
         for topic, kind, now, message in content:

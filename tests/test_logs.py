@@ -258,7 +258,8 @@ def test_init_takes_what_was_measured_and_not_what_was_wished(tmp_path, capsys):
 
 
 def test_init_leaves_open_what_depends_on_the_unit_of_time(tmp_path, capsys):
-    case, said = first(tmp_path, {"time": motion(1)["t"], "q[0]": motion(1)["q1"], "q[1]": motion(1)["q2"]}, capsys)
+    counted = np.arange(len(motion(1)["t"]))
+    case, said = first(tmp_path, {"time": counted, "q[0]": motion(1)["q1"], "q[1]": motion(1)["q2"]}, capsys)
     assert case["runs"][0]["stop"] == "?" and "about 70 % of it" in said
     assert [one["joint"] for one in case["measurements"].values()] == ["shoulder", "elbow"]
 

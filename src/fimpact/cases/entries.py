@@ -3,7 +3,7 @@
 import numpy as np
 
 from fimpact.cases.draft import Asked, First, some
-from fimpact.cases.evidence import OTHER, position_unit, share_unit
+from fimpact.cases.evidence import OTHER, alike, may_be_share, position_unit, share_unit
 from fimpact.cases.matching import NAME, Match, Matches
 from fimpact.cases.model import Naive
 from fimpact.cases.names import OPEN, best, unit, words
@@ -17,32 +17,32 @@ PARTS = ("commands", "measurements")
 
 
 def write_entries(naive: Naive, table: Table, found: Matches, first: First) -> None:
-    """Put commands and measurements into a first case, and say what is open or was concluded."""
-    names = Names(table)
-    units = _units(naive, found, names, first)
+    """Put commands and measurements into a first case, and say what is open or was concluded.
+
+    Args:
+        table: every column of the log, its times among them.
+    """
+    units = _units(naive, found, first)
     for part in PARTS:
-        entries = {key: _entry(match, units[part, key], names) for key, match in getattr(found, part).items()}
+        entries = {key: _entry(match, units[part, key]) for key, match in getattr(found, part).items()}
+        for key, entry in entries.items():
+            if entry["unit"] == "counts" and part == "measurements":
+                first.open.append(f"measurements.{key}.counts_per_rev: the counts of one revolution")
         if entries or part == "measurements":
             first.case[part] = entries
     _say_commands(found, first)
-    _say_how(found, first, names)
-    _say_left(naive, found, first, names)
+    _say_how(found, first)
+    _say_alike(naive, table, found, first)
+    _say_left(naive, found, first)
 
 
-class Names:
-    """Names of columns as a case writes them: with their topic where several have a column of that name."""
-
-    def __init__(self, table: Table):
-        every = [column.name for column in table]
-        self.twice = {name for name in every if every.count(name) > 1} if len(set(every)) < len(every) else set()
-
-    def of(self, column: Column) -> str:
-        """The name of a column."""
-        return f"{column.group}:{column.name}" if column.name in self.twice else column.name
+def named(column: Column) -> str:
+    """The name of a column as a case writes it, with its topic where it has one."""
+    return f"{column.group}:{column.name}" if column.group.startswith("/") else column.name
 
 
-def _entry(match: Match, found: str, names: Names) -> dict:
-    columns = [names.of(column) for column in match.columns]
+def _entry(match: Match, found: str) -> dict:
+    columns = [named(column) for column in match.columns]
     entry = {"column": columns[0]} if len(columns) == 1 else {"columns": columns}
     return match.place | entry | {"unit": found}
 
@@ -65,7 +65,7 @@ def _contradicted(match: Match) -> str:
     return told[0] if told else ""
 
 
-def _units(naive: Naive, found: Matches, names: Names, first: First) -> dict[tuple[str, str], str]:
+def _units(naive: Naive, found: Matches, first: First) -> dict[tuple[str, str], str]:
     """Unit of each entry: told, or concluded from values, or asked for, once for all of one quantity."""
     every = {(part, key): match for part in PARTS for key, match in getattr(found, part).items()}
     out = {at: _told(match) for at, match in every.items()}
@@ -73,12 +73,13 @@ def _units(naive: Naive, found: Matches, names: Names, first: First) -> dict[tup
         for part, unit_, why, label_ in _judged(naive, label, pool):
             mark = Asked(label_) if unit_ == OPEN else unit_
             out |= dict.fromkeys(part, mark)
-            listed = some([names.of(column) for at in part for column in pool[at].columns])
+            listed = some([named(column) for at in part for column in pool[at].columns])
             if unit_ == OPEN:
                 shared = f" (once, at &{label_})" if len(part) > 1 else ""
                 first.open.append(f"the unit of {listed}{shared}{why and ': ' + why}")
             else:
-                first.taken.append(f"the unit of {listed} is {unit_}, for {why}")
+                share = " (of the joint's range in the MJCF)" if ".." in unit_ else ""
+                first.taken.append(f"the unit of {listed} is {unit_}{share}, for {why}")
     if any(match.columns[0].unit == SI for match in every.values()):
         first.taken.append("units: those of ROS messages by convention, which are SI (rad, m, N m)")
     return out
@@ -106,7 +107,8 @@ def _judged(naive: Naive, label: str, pool: dict) -> list[tuple[list, str, str, 
         return [(list(pool), OPEN, f"{_contradicted(one)}, as the file says, is no unit of {one.wanted}", label)]
     if not (one.joint and one.wanted in OTHER):
         return [(list(pool), OPEN, "", label)]
-    hands = [at for at, match in pool.items() if words(match.columns[0].name) & GRIPPERS]
+    grippers = [at for at, match in pool.items() if words(match.columns[0].name) & GRIPPERS]
+    hands = grippers if all(may_be_share(pool[at].columns[0].values) for at in grippers) else []
     rest = [at for at in pool if at not in hands]
     parts = _position_parts(naive, label, pool, rest or hands)
     if not rest or not hands:
@@ -158,16 +160,36 @@ def _say_commands(found: Matches, first: First) -> None:
             first.open.append(f"commands.{key}.gain: what converts {entry['unit']} to {match.wanted}")
 
 
-def _say_how(found: Matches, first: First, names: Names) -> None:
+def _say_how(found: Matches, first: First) -> None:
     for part in PARTS:
         table = getattr(found, part)
         for how in dict.fromkeys(match.how for match in table.values() if match.how != NAME):
             keys = [key for key, match in table.items() if match.how == how]
-            columns = some([names.of(column) for key in keys for column in table[key].columns])
+            columns = some([named(column) for key in keys for column in table[key].columns])
             first.taken.append(f"{part}: {columns} taken for {some(keys)} {how}: check it")
 
 
-def _say_left(naive: Naive, found: Matches, first: First, names: Names) -> None:
+def _say_alike(naive: Naive, table: Table, found: Matches, first: First) -> None:
+    """Whether servos' joints move as the commands that were taken for them by number or order."""
+    times = {one.group: one.values for one in table if one.name == first.case["time"]["column"]}
+    told = {match.joint: (key, match) for key, match in found.commands.items() if match.joint and match.how != NAME}
+    seen = {m.place.get("joint", m.joint): m for m in found.measurements.values() if m.joint}
+    matched = {joint: match for joint, (_, match) in told.items()}, seen
+    columns = [{joint: match.columns[0] for joint, match in part.items()} for part in matched]
+    own, other = alike(
+        *({j: (times[c.group], c.values) for j, c in part.items() if c.group in times} for part in columns)
+    )
+    for joint, better in other.items():
+        key, match = told[joint]
+        first.open.append(
+            f"commands.{key}: '{named(match.columns[0])}' moves as '{better}' does, not as '{joint}' "
+            f"(correlation {own[joint]:.2f}): give each its own column"
+        )
+    if own and not other:
+        first.taken.append(f"commands: correlation with how their joints move: {min(own.values()):.2f} and more")
+
+
+def _say_left(naive: Naive, found: Matches, first: First) -> None:
     for name in naive.names("actuator"):
         if name not in found.commands:
             first.open.append(f"commands.{name}: no column matches this actuator")
@@ -178,17 +200,17 @@ def _say_left(naive: Naive, found: Matches, first: First, names: Names) -> None:
         if name not in seen and not any(best(key, [name]) for key in found.measurements):
             first.taken.append(f"measurements: no column matches joint '{name}'")
     if found.left:
-        listed = [f"{names.of(column)}{_instead(naive, found, column, names)}" for column in found.left]
+        listed = [f"{named(column)}{_instead(naive, found, column)}" for column in found.left]
         more = f" and {len(listed) - 12} more" if len(listed) > 12 else ""
         first.taken.append(
             f"columns left out, which match nothing or the same as another: {', '.join(listed[:12])}{more}"
         )
 
 
-def _instead(naive: Naive, found: Matches, column: Column, names: Names) -> str:
+def _instead(naive: Naive, found: Matches, column: Column) -> str:
     """What was taken in place of a column that names the same joint."""
     joint = best(column.name, naive.names("joint"))
     for match in found.measurements.values() if joint else ():
         if joint in (match.joint, match.place.get("joint")):
-            return f" (as '{names.of(match.columns[0])}')"
+            return f" (as '{named(match.columns[0])}')"
     return ""

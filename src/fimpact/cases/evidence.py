@@ -8,14 +8,18 @@ from fimpact.cases.names import OPEN
 
 CLOCKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 EPOCH = 9e8, 5e9  # s since 1970, of 1998 to 2128
+SLOW = 10.0  # s, at most between samples since 1970
 STEPS = 2.5e-4, 0.25  # s between samples, so that no two of the units fit
 OTHER = {"rad": ("deg", np.pi / 180), "m": ("mm", 1e-3)}
 SLACK = 0.1  # of a range, by which readings may leave it
 MOVED = 0.05  # of their ranges, that joints in a log move at least
 SHARE, GRIPPER_SHARE = "-100..100", "0..100"
+FULL = 0.025  # of a range, by which a share of it may leave it, where a joint gives way at its end
 TURN = 360.0
 TICKS = 4095, 4096  # of a turn of a servo's encoder
 
+ALIKE, APART = 0.9, 0.2  # correlation of a command with what follows it, and by how much it is above the others
+Moving = tuple[np.ndarray, np.ndarray]  # times and values
 Bounded = tuple[np.ndarray, tuple[float, float] | None]  # values, and the range of their joint in SI
 
 
@@ -25,7 +29,7 @@ def time_unit(values: np.ndarray) -> tuple[str, str]:
     steps = np.diff(known)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     for unit, scale in CLOCKS.items():
-        if known.size and EPOCH[0] < np.median(known) * scale < EPOCH[1]:
+        if known.size and EPOCH[0] < known.min() * scale < EPOCH[1] and step * scale < SLOW:
             return unit, f"it counts from 1970, by {step:.4g}"
     counted = step == 1.0 and np.array_equal(known, np.round(known))
     fitting = [unit for unit, scale in CLOCKS.items() if STEPS[0] < step * scale <= STEPS[1]]
@@ -45,39 +49,71 @@ def position_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
     if not limited:
         return OPEN, "the MJCF gives their joints no range to judge by"
     other, scale = OTHER[wanted]
-    if _fits(limited, 1.0):
-        share = float(np.median([np.ptp(values) / (limits[1] - limits[0]) for values, limits in limited]))
-        if share > MOVED:
-            return wanted, f"they move over {share:.0%} of the joints' ranges, in {other} over {share * scale:.1%}"
-        return OPEN, f"they move over {share:.1%} of the joints' ranges only"
-    scaled = _fits(limited, scale)
-    normalised = all(np.abs(values).max() <= 100.5 for values, _ in limited)
-    if wanted == "rad" and scaled and all(_ticks(values) for values, _ in columns):
+    if wanted == "rad" and _fits(limited, scale) and all(_ticks(values) for values, _ in columns):
         return other, "they are whole steps of an encoder of 4096 a turn"
-    if scaled and normalised:
-        return OPEN, f"{other} or {SHARE} (of the joint's range) fit the joints' ranges alike"
-    if scaled or normalised:
-        failing = wanted if scaled else f"{wanted} and in {other}"
-        return (other if scaled else SHARE), f"in {failing} they leave the joints' ranges"
-    return OPEN, f"in {wanted} and in {other} they leave the joints' ranges"
+    widths = [(np.ptp(values), limits[1] - limits[0]) for values, limits in limited]
+    moved = {
+        wanted: float(np.median([went / width for went, width in widths])) * _fits(limited, 1.0),
+        other: float(np.median([scale * went / width for went, width in widths])) * _fits(limited, scale),
+        SHARE: float(np.median([went / 200 for went, _ in widths]))
+        * _fits([(v, (-100.0, 100.0)) for v, _ in limited], 1.0, FULL),
+    }
+    fitting = [unit for unit, share in moved.items() if share > MOVED]
+    if len(fitting) == 1:
+        return fitting[0], f"joints then move over {moved[fitting[0]]:.0%} of their ranges, and nothing else fits these"
+    either = " or ".join(fitting) if fitting else f"neither {wanted} nor {other} nor {SHARE}"
+    return OPEN, f"{either} fits the joints' ranges and how far joints move{' alike' if fitting else ''}"
+
+
+def may_be_share(values: np.ndarray) -> bool:
+    """Whether readings of a gripper can be its opening in percent."""
+    return _fits([(values, (0.0, 100.0))], 1.0)
 
 
 def share_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
-    """The unit of grippers and why, where other joints are no longer in the MJCF's unit; else `OPEN`."""
+    """The unit of grippers that may be open by so many percent, and why; else `OPEN`."""
     limited = [(values[np.isfinite(values)], limits) for values, limits in columns if limits]
-    shares = all(np.nanmin(values) > -0.5 and np.nanmax(values) < 100.5 for values, _ in columns)
-    if not shares:
-        return position_unit(columns, wanted)
     other, scale = OTHER[wanted]
     if limited and not _fits(limited, scale):
         return GRIPPER_SHARE, f"in {other} they leave the joint's range"
     return OPEN, f"{GRIPPER_SHARE} (of the joint's range) or {other} fit alike"
 
 
-def _fits(columns: Sequence[Bounded], scale: float) -> bool:
+def alike(commands: dict[str, Moving], positions: dict[str, Moving]) -> tuple[dict[str, float], dict[str, str]]:
+    """How well each joint follows its command (correlation), and the joint that follows it far better, where one does.
+
+    Args:
+        commands, positions: of servos' joints, by the joint.
+    """
+    own, other = {}, {}
+    for joint in commands.keys() & positions.keys():
+        follow = {name: _correlation(commands[joint], position) for name, position in positions.items()}
+        best = max(follow, key=follow.get)
+        own[joint] = follow[joint]
+        if follow[best] > max(ALIKE, follow[joint] + APART):
+            other[joint] = best
+    return own, other
+
+
+def _correlation(command: Moving, position: Moving) -> float:
+    """Of a command and a position at the position's times, where both are known."""
+    if command[0] is position[0]:  # of one table; its time may begin again with each run
+        known = np.isfinite(command[1]) & np.isfinite(position[1])
+        return _of_both(command[1][known], position[1][known])
+    kept = [np.isfinite(times) & np.isfinite(values) for times, values in (command, position)]
+    (at, given), (when, seen) = ((t[k], v[k]) for (t, v), k in zip((command, position), kept, strict=True))
+    inside = (when >= at.min(initial=np.inf)) & (when <= at.max(initial=-np.inf))
+    return _of_both(np.interp(when[inside], at, given), seen[inside]) if inside.any() else 0.0
+
+
+def _of_both(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.corrcoef(one, other)[0, 1]) if len(one) > 2 and np.ptp(one) > 0 and np.ptp(other) > 0 else 0.0
+
+
+def _fits(columns: Sequence[Bounded], scale: float, beyond: float = SLACK) -> bool:
     for values, (low, high) in columns:
-        slack = SLACK * (high - low)
-        if values.min() * scale < low - slack or values.max() * scale > high + slack:
+        slack = beyond * (high - low)
+        if np.nanmin(values) * scale < low - slack or np.nanmax(values) * scale > high + slack:
             return False
     return True
 

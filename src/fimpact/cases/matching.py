@@ -23,7 +23,8 @@ AXES = re.compile(r"(.*?)[_./ ]?([wxyz])(\s*[\[(].*)?")
 VECTORS = {  # quantity of a body or site: the words of its columns, its sensors in an MJCF, its unit
     "position": ("p pos position translation", (kinds.FRAMEPOS,), "m"),
     "orientation": ("q quat quaternion orientation rotation", (kinds.FRAMEQUAT,), "1"),
-    "rotation_rate": ("w omega angular gyro gyr", (kinds.GYRO, kinds.FRAMEANGVEL), "rad/s"),
+    "rotation_rate": ("gyro gyr", (kinds.GYRO,), "rad/s"),
+    "angular_velocity": ("w omega angular", (kinds.GYRO, kinds.FRAMEANGVEL), "rad/s"),  # in whose axes, it does not say
     "acceleration": ("a acc accel acceleration", (kinds.ACCELEROMETER, kinds.FRAMELINACC), "m/s^2"),
     "velocity": ("v vel velocity linear", (kinds.VELOCIMETER, kinds.FRAMELINVEL), "m/s"),
     "force": ("f force", (kinds.FORCE,), "N"),
@@ -191,7 +192,7 @@ def _vectors(naive: Naive, table: Table) -> Iterator[tuple[str, Match]]:
         if found and role(column).side not in ("commanded", "neither"):
             groups.setdefault((column.group, found[1]), {})[found[2]] = column
     for (group, stem), axes in groups.items():
-        quantity = _vector(words(stem) or words(group), axes)
+        quantity = _vector(words(stem), words(group) if group.startswith("/") else set(), axes)
         order = "wxyz" if quantity == "orientation" else "xyz"
         place = _vector_place(naive, quantity) if quantity and set(order) <= set(axes) else None
         if place:
@@ -199,19 +200,27 @@ def _vectors(naive: Naive, table: Table) -> Iterator[tuple[str, Match]]:
             yield key, Match(tuple(axes[axis] for axis in order), VECTORS[quantity][2], ONLY, keys)
 
 
-def _vector(said: set[str], axes: dict) -> str:
-    fitting = [quantity for quantity, (known, _, _) in VECTORS.items() if said & set(known.split())]
-    fitting = [quantity for quantity in fitting if (quantity == "orientation") == ("w" in axes)]
-    plain = ("orientation" if "w" in axes else "position") if not said else ""
-    return "rotation_rate" if "rotation_rate" in fitting else (fitting or [plain])[0]
+def _vector(said: set[str], topic: set[str], axes: dict) -> str:
+    """The quantity of a vector by its own words, else by those of its topic; "" where none tells."""
+    if not said and not topic:
+        return "orientation" if "w" in axes else "position"
+    for some in (said, topic):
+        fitting = [quantity for quantity, (known, _, _) in VECTORS.items() if some & set(known.split())]
+        fitting = [quantity for quantity in fitting if (quantity == "orientation") == ("w" in axes)]
+        if fitting:  # an IMU turns with its body
+            return "rotation_rate" if fitting[0] == "angular_velocity" and "imu" in said | topic else fitting[0]
+    return ""
 
 
 def _vector_place(naive: Naive, quantity: str) -> tuple[str, dict] | None:
-    """Key and place of an entry: the only sensor of a quantity, or the pose of the only free body."""
+    """Key and place of an entry: the only sensor of a quantity, the only site of an IMU, or the only free body."""
     types = VECTORS[quantity][1]
     sensors = [name for name in naive.names("sensor") if naive.model.sensor(name).type[0] in types]
     if len(sensors) == 1:
         return sensors[0], {}
+    sites = [site for site in naive.names("site") if "imu" in words(site)]
+    if len(sites) == 1 and not sensors and quantity in ("rotation_rate", "acceleration"):
+        return f"{sites[0]} {quantity}", {"site": sites[0], "quantity": quantity}
     free = [joint for joint in naive.names("joint") if naive.model.joint(joint).type[0] == kinds.FREE]
     body = naive.model.body(naive.model.joint(free[0]).bodyid[0]).name if len(free) == 1 else ""
     if sensors or not body or quantity not in ("position", "orientation"):

@@ -58,7 +58,8 @@ def read_table(path: Path) -> Table:
     if not path.exists():
         raise CaseError(f"data file {path} does not exist; put it there, correct `file`, or point to it with --data")
     try:
-        return [replace(one, origin=(str(path.resolve()), one.group, one.name)) for one in _narrow(reader(path), path)]
+        where = str(path.resolve())
+        return [replace(one, origin=(where, one.group, one.name)) for one in _narrow(reader(path), path)]
     except CaseError:
         raise
     except Exception as error:

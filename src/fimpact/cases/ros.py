@@ -51,9 +51,7 @@ def bag(path: Path) -> Table:
         raise CaseError(f"data file {path} cannot be read as a bag: {reason(error)}{hint}") from None
     if not topics:
         said = ", ".join(f"{topic} ({why})" for topic, why in unread.items()) or "nothing"
-        raise CaseError(
-            f"data file {path} has no topic with numbers in its messages; it has: {said}; record the joints"
-        )
+        raise CaseError(f"data file {path} has no topic of numbers; it has: {said}; record the joints")
     said = [Column(UNREAD, topic, np.array([why]), np.zeros(1, bool)) for topic, why in unread.items()]
     stamps = _stamps(topics)
     return [*(one for name, topic in topics.items() for one in _columns(name, topic, stamps[name])), *said]
