@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cache
+from math import factorial
 
 import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_coeffs
 
 from fimpact.cases import kinds
 from fimpact.cases.timebase import GAP
@@ -25,7 +25,9 @@ def derivative(values: np.ndarray, period: float, order: int, width: int = 9) ->
 
 @cache
 def _kernel(width: int, order: int) -> np.ndarray:
-    return savgol_coeffs(width, 2, deriv=order)
+    # Savitzky and Golay's, as scipy.signal has it, which takes half a second to import: every check would wait for it.
+    powers = np.vander(np.arange(width) - width // 2, 3, increasing=True).astype(float)
+    return factorial(order) * np.linalg.pinv(powers)[order, ::-1]
 
 
 def filled(values: np.ndarray) -> np.ndarray:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
-from scipy.signal import firwin
 
 from fimpact.cases.errors import CaseError
 
@@ -107,6 +106,8 @@ def _sampled(series: Series, grid: np.ndarray, period: float, reach: float) -> n
 
 
 def _taps(factor: int) -> np.ndarray:
+    from scipy.signal import firwin  # it takes half a second to import, and few logs are decimated
+
     return firwin(2 * TAPS * factor + 1, 1 / factor)
 
 
