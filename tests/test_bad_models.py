@@ -107,9 +107,11 @@ BAD = [  # what is wrong, the MJCF, a word of the refusal, other files
     ("include in a circle", world('<include file="b.xml"/>'), "again", {"b.xml": '<m><include file="b.xml"/></m>'}),
     ("laughs", '<!DOCTYPE m [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>' + MODEL, "entities", {}),
 ]
+ROPE = '<composite type="cable" count="9000 1 1" size="1"><joint kind="main"/><geom size=".01"/></composite>'
 HEAVY = [  # refused after a child has tried, in seconds
     ("replicate in replicate", world(GRID), "replicate"),
     ("cloth", world(CLOTH), "flexcomp 'cloth'"),
+    ("rope", world(ROPE), "composite with count 9000"),
     ("texture", asset('<texture name="sky" type="skybox" builtin="flat" width="30000" height="30000"/>'), "sky"),
 ]
 

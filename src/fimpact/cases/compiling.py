@@ -80,14 +80,14 @@ def _parts(tree: ElementTree.Element) -> Iterator[tuple[float, str]]:
             yield _bytes(tree, element, file) / SMALL, f"{called(element)} ({file})"
 
 
-def _made(element: ElementTree.Element, times: float) -> Iterator[tuple[float, str]]:
-    """Elements, each as often as it is made."""
+def _made(element: ElementTree.Element, times: float, by: str = "") -> Iterator[tuple[float, str]]:
+    """Elements, each as often as it is made, and by what, if by something that repeats it."""
     for child in element:
         numbers = [float(n) for n in child.get(COUNTS.get(child.tag, ""), "").split() if n.isdecimal()]
         made = times * prod(max(n, 1.0) for n in numbers)
-        what = f"{called(child)} with count {child.get('count')}" if numbers else f"its {child.tag} elements"
-        yield made / FEW, what
-        yield from _made(child, made)
+        cause = by or (f"{called(child)} with count {child.get('count')}" if numbers else "")
+        yield made / FEW, cause or f"its {child.tag} elements"
+        yield from _made(child, made, cause)
 
 
 def _number(element: ElementTree.Element, key: str) -> float:
