@@ -107,7 +107,8 @@ BAD = [  # what is wrong, the MJCF, a word of the refusal, other files
     ("include in a circle", world('<include file="b.xml"/>'), "again", {"b.xml": '<m><include file="b.xml"/></m>'}),
     ("laughs", '<!DOCTYPE m [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>' + MODEL, "entities", {}),
 ]
-ROPE = '<composite type="cable" count="9000 1 1" size="1"><joint kind="main"/><geom size=".01"/></composite>'
+LINK = '<joint kind="main"/><geom type="capsule" size=".01"/>'
+ROPE = f'<composite type="cable" count="9000 1 1" size="1">{LINK}</composite>'
 HEAVY = [  # refused after a child has tried, in seconds
     ("replicate in replicate", world(GRID), "replicate"),
     ("cloth", world(CLOTH), "flexcomp 'cloth'"),
