@@ -15,6 +15,7 @@ ROBOTS = {  # MJCF, sensors of the case, units of commands
     "three": (robots.arm(6, 3), ["q0", "q1", "q2"], {}),
     "servo": (robots.arm(5, 2, servo=True), ["q0", "q1"], {"m0": "rad", "m1": "rad"}),
     "flyer": (robots.FLYER, ["place", "turn", "gyro", "acc"], {"lift": "N"}),
+    "blind": (robots.FLYER, ["place", "acc"], {"lift": "N"}),
     "still": (robots.FLYER, ["place", "turn"], {"lift": "N"}),
 }
 
@@ -118,6 +119,13 @@ WRONG = {  # robot, change, words of the line
     ),
     "target taken for the angle": ("servo", lambda c: {"q0": c["u_m0"]}, "same numbers"),
     "commands on another clock": ("servo", shifted(1.0, "u_m0", "u_m1"), "clock"),
+}
+WRONG |= {
+    f"gravity taken out, {what}": ("blind", change, "gravity was taken out, or it is in g")
+    for what, change in {
+        "nothing else known": vector("acc", lambda a, c: a - [0, 0, 9.81]),
+        "acceleration in g": times(1 / 9.80665, "acc_0", "acc_1", "acc_2"),
+    }.items()
 }
 WRONG_ONCE = {
     "angle always zero": ("bare", of("q1", lambda q: 0 * q), "does not change in run 'b'"),

@@ -10,7 +10,7 @@ from fimpact.cases import kinds, rows
 from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
 from fimpact.cases.exchanged import exchange_ties
-from fimpact.cases.kinematics import Log, sensor_ties, servo_ties, speed_ties
+from fimpact.cases.kinematics import Log, placed, sensor_ties, servo_ties, speed_ties
 from fimpact.cases.physics import dynamics_ties
 from fimpact.cases.readers import Column
 from fimpact.cases.runs import FEWEST, Sampled
@@ -21,6 +21,7 @@ from fimpact.recordings import Recording
 NOTHING = 1e-12  # of anything measured, in SI units
 LOUDEST = 3.0  # times all that is read: a noise that is declared so cannot be
 DEGREES, THOUSAND = 180 / np.pi, 1000.0
+LONG = 5.0  # s: in half of that a robot that falls freely is 30 m down
 
 
 def check_sources(runs: list[Source]) -> None:
@@ -103,7 +104,7 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
     for check in (_lengths, _same_runs, _noises):
         for complaint in check(recording):
             raise CaseError(complaint)
-    for check in (_still, _dead, _cutoffs, _ties, _ranges):
+    for check in (_still, _dead, _weightless, _cutoffs, _ties, _ranges):
         for kind, complaint in check(recording, model, seen):
             if kind:
                 _refuse(kind, complaint, accept)
@@ -244,6 +245,24 @@ def _dead(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> I
                     "constant",
                     f"'{channel.sensor}' does not change in run '{run.name}', unlike in others, although what moves it "
                     "does; correct its column, or remove the run",
+                )
+
+
+def _weightless(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    """Accelerometers whose orientation nothing shows: on a robot that stays where it is, acceleration in the world is
+    none on average, so that the mean of what they read cannot be shorter than gravity."""
+    log, weight = Log.of(recording, model, seen), float(np.linalg.norm(model.opt.gravity))
+    for channel in seen:
+        if channel.type != kinds.ACCELEROMETER or placed(log, channel, log.columns()):
+            continue
+        for run in recording.runs:
+            sizes = np.linalg.norm(run.measured[:, log.places[channel.sensor]], axis=1)
+            if len(sizes) * recording.period > LONG and np.nanmean(sizes) < weight / 2:
+                yield (
+                    "gravity",
+                    f"'{channel.sensor}' reads {np.nanmean(sizes):.3g} m/s^2 on average in run '{run.name}', but on a "
+                    f"robot that does not fall it reads {weight:.3g} or more: gravity was taken out, or it is in g; "
+                    "log the raw acceleration, or correct its unit",
                 )
 
 

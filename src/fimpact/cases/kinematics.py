@@ -191,7 +191,7 @@ def sensor_ties(log: Log) -> Iterator[Tie]:
     """Each vector sensor against what it must read in the motion that the positions show."""
     columns = log.columns()
     sources = {name for place in columns.values() for name in log.places if set(log.places[name]) <= set(place)}
-    asked = [c for c in log.seen if c.type in TRIED and c.sensor not in sources and _placed(log, c, columns)]
+    asked = [c for c in log.seen if c.type in TRIED and c.sensor not in sources and placed(log, c, columns)]
     if not asked:
         return
     expected = _expectations(log, asked, columns)
@@ -200,7 +200,7 @@ def sensor_ties(log: Log) -> Iterator[Tie]:
         yield _sensor_tie(log, channel, expected, quats)
 
 
-def _placed(log: Log, channel: Channel, columns: dict[str, list[int]]) -> bool:
+def placed(log: Log, channel: Channel, columns: dict[str, list[int]]) -> bool:
     """Whether the positions of all joints that a sensor hangs on are measured; of a force, of all joints."""
     model = log.model
     body = body_of(model, channel.sensor)
