@@ -80,7 +80,10 @@ def test_shares_of_a_range_are_asked_for_once_and_are_what_they_stand_for(tmp_pa
         logs[column] = low + (100 - low) * (logs[column] - lowest) / (highest - lowest)
     logs.to_csv(tmp_path / "log.csv", index=False)
     case, said = first(tmp_path, [tmp_path / "log.csv"], capsys)
-    assert said.count("once, at &") == 2 and "deg or -100..100 fits the joints' ranges" in said
+    assert (
+        said.count("once, at &") == 2
+        and "deg and -100..100 (of the joint's range) fit the joints' ranges alike" in said
+    )
     got = filled(tmp_path, angle="'-100..100'", gripper="'0..100'")
     np.testing.assert_allclose(got.runs[1].measured, np.radians(RUNS[1]["state"]), atol=1e-12)
     np.testing.assert_allclose(got.runs[1].ctrl, np.radians(RUNS[1]["action"]), atol=1e-12)

@@ -287,7 +287,16 @@ def test_init_says_that_numbers_need_points(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("name", "expected"),
-    [("speed_m_s", "m/s"), ("tau_mN_m", "mN m"), ("t_ms", "ms"), ("a [°]", "deg"), ("joint_a", "?"), ("x_m", "m")],
+    [
+        ("speed_m_s", "m/s"),
+        ("tau_mN_m", "mN m"),
+        ("t_ms", "ms"),
+        ("a [°]", "deg"),
+        ("joint_a", "?"),
+        ("x_m", "m"),
+        ("volt", "V"),
+        ("rpm", "rpm"),
+    ],
 )
 def test_a_name_ends_with_its_unit(name, expected):
     assert unit(name) == expected

@@ -210,3 +210,21 @@ def test_a_joint_that_some_messages_lack_has_no_sample_there(tmp_path):
         read_table(mcap(tmp_path / "uneven.mcap", uneven))
     with pytest.raises(CaseError, match="no topic of numbers"):
         read_table(mcap(tmp_path / "empty.mcap", [("/notes", "std_msgs/msg/String", EPOCH, {"data": "hello"})]))
+
+
+def test_messages_of_no_ros_are_told(tmp_path):
+    from mcap.writer import Writer
+
+    with open(tmp_path / "log.mcap", "wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("Joints", "jsonschema", b"{}")
+        channel = writer.register_channel("/joints", "json", schema)
+        writer.add_message(channel, EPOCH, b"{}", EPOCH)
+        writer.finish()
+    with pytest.raises(CaseError, match="encoding or type 'jsonschema'"):
+        read_table(tmp_path / "log.mcap")
+    mcap(tmp_path / "cut.mcap", messages(run(1)))
+    (tmp_path / "cut.mcap").write_bytes((tmp_path / "cut.mcap").read_bytes()[:-100])
+    with pytest.raises(CaseError, match="it was not closed"):
+        read_table(tmp_path / "cut.mcap")

@@ -41,8 +41,9 @@ RIGS = ["quiet"] + [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
 CASE = (
-    "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics lerobot load misreadings model "
-    "motion physics plausible quaternions readers ros rows runs sensors sources start texts ties timebase units"
+    "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics lerobot load "
+    "misreadings model motion physics plausible quaternions readers ros rows runs sensors sources start texts "
+    "ties timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()

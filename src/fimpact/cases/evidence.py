@@ -61,8 +61,10 @@ def position_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
     fitting = [unit for unit, share in moved.items() if share > MOVED]
     if len(fitting) == 1:
         return fitting[0], f"joints then move over {moved[fitting[0]]:.0%} of their ranges, and nothing else fits these"
-    either = " or ".join(fitting) if fitting else f"neither {wanted} nor {other} nor {SHARE}"
-    return OPEN, f"{either} fits the joints' ranges and how far joints move{' alike' if fitting else ''}"
+    if fitting:
+        said = " and ".join(fitting).replace(SHARE, f"{SHARE} (of the joint's range)")
+        return OPEN, f"{said} fit the joints' ranges alike; write what the recorder was set to"
+    return OPEN, f"{wanted}, {other} and {SHARE} all leave the joints' ranges, or joints would hardly move"
 
 
 def may_be_share(values: np.ndarray) -> bool:
@@ -76,7 +78,7 @@ def share_unit(columns: Sequence[Bounded], wanted: str) -> tuple[str, str]:
     other, scale = OTHER[wanted]
     if limited and not _fits(limited, scale):
         return GRIPPER_SHARE, f"in {other} they leave the joint's range"
-    return OPEN, f"{GRIPPER_SHARE} (of the joint's range) or {other} fit alike"
+    return OPEN, f"{other} and {GRIPPER_SHARE} (of the joint's range) fit alike; write what the recorder was set to"
 
 
 def alike(commands: dict[str, Moving], positions: dict[str, Moving]) -> tuple[dict[str, float], dict[str, str]]:

@@ -64,9 +64,8 @@ class Matches:
 def matches(naive: Naive, table: Table) -> Matches:
     """Match every column of numbers that can be matched."""
     out = Matches()
-    families = sorted(
-        _families(table), key=lambda family: -len(family[0].values)
-    )  # what is seen more often comes first
+    # What was recorded more often goes first.
+    families = sorted(_families(table), key=lambda family: -len(family[0].values))
     for family in sorted(families, key=lambda family: RANKS.get(role(family[0]).side, 3)):
         for column, actuator, how in _assigned(family, _actuators(naive, role(family[0])), table):
             if actuator not in out.commands:
@@ -116,9 +115,8 @@ def _actuators(naive: Naive, of: Role) -> dict[str, str]:
     if of == UNNAMED:  # only an actuator's name can tell, and only where it is no joint's
         return {name: name for name in fitting if name not in naive.names("joint")}
     joints = {_joint_of(naive, name): name for name in reversed(fitting)}
-    return {name: name for name in fitting} | {
-        name: one for name, one in joints.items() if name and name not in fitting
-    }
+    others = {joint: name for joint, name in joints.items() if joint and joint not in fitting}
+    return {name: name for name in fitting} | others
 
 
 def _drives(of: Role, control: str) -> bool:

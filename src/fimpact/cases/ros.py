@@ -8,6 +8,7 @@ numbers has one column of text, which says why it is not read.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,11 @@ def bag(path: Path) -> Table:
     except AnyReaderError as error:
         hint = "; it was not closed: repair it with `mcap recover`" if "end magic" in str(error) else ""
         raise CaseError(f"data file {path} cannot be read as a bag: {reason(error)}{hint}") from None
+    except KeyError as error:
+        raise CaseError(
+            f"data file {path} holds messages of the encoding or type {error}, which is none of ROS; export the "
+            "joints' topics alone (`mcap filter`), or convert them to CSV"
+        ) from None
     if not topics:
         said = ", ".join(f"{topic} ({why})" for topic, why in unread.items()) or "nothing"
         raise CaseError(f"data file {path} has no topic of numbers; it has: {said}; record the joints")
@@ -112,7 +118,7 @@ def _rows(message, path: Path) -> Iterator[tuple[int, dict[str, float]]]:
 
 def _numbers(message, before: str, names: list[str], path: Path) -> Iterator[tuple[str, float]]:
     """Each number in a message under the path to it; entries of an array by the names that the message has for them."""
-    values = {one.name: getattr(message, one.name) for one in fields(message)}
+    values = {name: getattr(message, name) for name in _fields(type(message))}
     own = [list(value) for key, value in values.items() if key.endswith(("name", "names")) and _texts(value)]
     names = own[0] if own else names
     for key, value in values.items():
@@ -125,10 +131,18 @@ def _numbers(message, before: str, names: list[str], path: Path) -> Iterator[tup
                     f"allowed: as many or none; {listed(names, '')}"
                 )
             labels = [f"/{n}" for n in names] if len(names) == len(value) else [f"[{i}]" for i in range(len(value))]
+            if isinstance(value, np.ndarray):
+                yield from zip((f"{before}{key}{label}" for label in labels), value.tolist(), strict=True)
+                continue
             for label, entry in zip(labels, value, strict=True):
                 yield from _entry(entry, f"{before}{key}{label}", names, path)
         else:
             yield from _entry(value, f"{before}{key}", names, path)
+
+
+@cache
+def _fields(kind: type) -> tuple[str, ...]:
+    return tuple(one.name for one in fields(kind))
 
 
 def _entry(value, name: str, names: list[str], path: Path) -> Iterator[tuple[str, float]]:
@@ -167,7 +181,7 @@ def _columns(name: str, topic: Topic, stamps: np.ndarray) -> Table:
     out = [Column("time", name, 1e-9 * exact(stamps[order]), np.zeros(len(order), bool), clock=True)]
     for key in dict.fromkeys(key for row in rows for key in row):
         absent = np.array([key not in row for row in rows])
-        values = np.array([row.get(key, np.nan) for row in rows])
+        values = np.array([row.get(key, np.nan) for row in rows], dtype=float)
         if not np.isnan(values).all():
             out.append(Column(key, name, values, absent, unit=SI))
     return out
