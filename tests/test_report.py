@@ -92,6 +92,9 @@ def test_the_page_says_what_was_found(written, diagnosis):
         "log.csv",
         "0" * 64,
         "improved.xml",
+        "joint frictionloss",
+        "&lt;dynamics friction&gt;",
+        "physxJointAxis:angular:staticFrictionEffort",
     ):
         assert text.lower() in page.lower(), text
     data = json.loads((written / "diagnosis.json").read_text(encoding="utf-8"))

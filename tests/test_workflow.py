@@ -104,6 +104,11 @@ def test_a_bad_configuration_gets_one_line_and_nothing_is_written(fresh):
     assert not (fresh / "results" / "smoke").exists()
 
 
+def test_no_rule_asks_for_all_cores_of_which_a_cluster_has_no_number():
+    rules = [path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk")]
+    assert rules and not any("workflow.cores" in text for text in rules)
+
+
 def test_nothing_runs_twice(finished):
     assert planned(finished, *SMOKE) == {}
 

@@ -5,47 +5,100 @@ argparse, because it ends with exit code 2 on bad usage as everything here does 
 """
 
 import argparse
+import io
+import math
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 
-from fimpact.cases.errors import CaseError
-
-BAD_INPUT = 2
+OTHERS = "\n## The rigs here\n"  # from here on the page on keys is about cases of the repository
+FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
+TRACEBACK = "FIMPACT_TRACEBACK"  # an environment variable, for whoever mends this program
 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str):
-        self.exit(BAD_INPUT, f"{self.prog}: {message}; see `{self.prog} --help`\n")
+        self.exit(BAD_INPUT, f"{_shown(f'{self.prog}: {message}; see `{self.prog} --help`')}\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand.
 
     Returns:
-        0; 2 on bad input, with one line on standard error and nothing written; 130 if it was interrupted.
+        0; 2 on bad input and 1 at a fault of this program, with one line on standard error and nothing written; 130 if
+        it was interrupted.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal that lacks a letter gets its number
+            stream.reconfigure(errors="backslashreplace")
     options = _parser().parse_args(arguments)
     try:
-        return options.run(options) or 0
-    except (CaseError, ValueError) as error:
-        print(f"fimpact: {' '.join(str(error).split())}", file=sys.stderr)
+        with _ended_as_interrupted(), warnings.catch_warnings():
+            warnings.simplefilter("default" if os.environ.get(TRACEBACK) else "ignore")  # of libraries, to programmers
+            return options.run(options) or 0
     except BrokenPipeError:  # whoever read the list has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        what = error.strerror or " ".join(str(error).split()) or type(error).__name__
-        print(f"fimpact: {where}{what}", file=sys.stderr)
     except KeyboardInterrupt:
         print("fimpact: interrupted; nothing was written", file=sys.stderr)
-        return 130
-    return BAD_INPUT
+        return INTERRUPTED
+    except MemoryError:
+        print("fimpact: the memory is not enough for this; use shorter runs, or a smaller model", file=sys.stderr)
+        return BAD_INPUT
+    except Exception as error:
+        known, line = _in_a_line(error)
+        if os.environ.get(TRACEBACK):
+            traceback.print_exc()
+        print(_shown(f"fimpact: {line}"), file=sys.stderr)
+        return BAD_INPUT if known else FAULT
+
+
+@contextmanager
+def _ended_as_interrupted() -> Iterator[None]:
+    """What a batch system ends (SIGTERM) clears up as after Ctrl-C; only a main thread can be told so."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _in_a_line(error: Exception) -> tuple[bool, str]:
+    """Whether an error is one of the input, and what to print of it."""
+    words = " ".join(str(error).split())
+    if isinstance(error, ValueError):
+        return True, words or type(error).__name__
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return True, where + (error.strerror or words or type(error).__name__)
+    at = traceback.extract_tb(error.__traceback__)[-1]
+    said = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    return False, (
+        f"a fault of fimpact, not of yours: {said} ({Path(at.filename).name}, line {at.lineno}); "
+        f"please report it with what {TRACEBACK}=1 in the environment prints"
+    )
+
+
+def _shown(message: str) -> str:
+    from fimpact.cases.errors import printable
+
+    return printable(message)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="fimpact", description="Say where a simulation and a recording part, and what is missing.")
+    parser.add_argument("--version", action="version", version=f"fimpact {version('fimpact')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     data = {"type": Path, "metavar": "ROOT", "help": "folder of the data files, instead of the one the case names"}
     check = commands.add_parser("check", help="read and judge a case without running it")
@@ -62,6 +115,9 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("--data", **data)
     diagnose.add_argument("--out", type=Path, metavar="DIR", help="default: results/recordings/CASE")
     diagnose.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
+    diagnose.add_argument("--quick", action="store_true", help="ask for kinds at classes of places only")
+    diagnose.add_argument("--only", metavar="FAMILY", default="", help="ask for one family, such as friction")
+    diagnose.add_argument("--budget", type=_seconds, metavar="SECONDS", help="ask nothing more once they are over")
     diagnose.set_defaults(run=_diagnose)
     fit = commands.add_parser("fit", help="fit the effects that you name, and no others")
     fit.add_argument("case", type=Path, metavar="CASE.yaml")
@@ -76,9 +132,21 @@ def _parser() -> argparse.ArgumentParser:
     further.add_argument("--out", type=Path, metavar="DIR", help="of the diagnosis; default: results/recordings/CASE")
     further.add_argument("--effects", type=Path, metavar="FILE.py", help="the same as the diagnosis had")
     further.set_defaults(run=_resolve)
-    catalogue = commands.add_parser("effects", help="list the physics that a model may be found to lack")
+    keys = commands.add_parser("keys", help="explain every key of a case")
+    keys.set_defaults(run=_keys)
+    catalogue = commands.add_parser("effects", help="list the physics that a model may lack, or one piece in full")
+    catalogue.add_argument("name", nargs="?", metavar="NAME", help="such as coulomb: its numbers, units and fields")
+    catalogue.add_argument("--model", type=Path, metavar="MODEL.xml", help="name the places that this MJCF has for it")
+    catalogue.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
     catalogue.set_defaults(run=_effects)
     return parser
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is no time; allowed: more than 0 s")
+    return value
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -90,45 +158,66 @@ def _check(options: argparse.Namespace) -> None:
     print(f"{options.case}: good. To fit: {spans[0]}; held out: {spans[1]}")
     print(f"every {recording.period:.6g} s: {', '.join(recording.channels)}")
     print(f"unknown: {', '.join(one.name for one in recording.unknowns) or 'nothing but the initial states'}")
+    print("".join(f"note: {note}\n" for note in recording.notes), end="")
 
 
 def _init(options: argparse.Namespace) -> None:
     from fimpact.cases.first import first_case
+    from fimpact.drafts import write_text
 
     if options.out.exists():
-        raise CaseError(f"{options.out} exists; nothing is overwritten; choose another name with -o, or remove it")
+        raise ValueError(f"{options.out} exists; nothing is overwritten; choose another name with -o, or remove it")
     _check_place(options.out)
     first = first_case(options.model, options.log, options.out)
-    options.out.write_text(first.text(), encoding="utf-8")
+    write_text(first.text(), options.out)
     print(f"wrote {options.out}; to fill in: {'' if first.open else 'nothing'}")
     print("".join(f"  {line}\n" for line in first.open) + "concluded, to be looked at:")
     print("\n".join(f"  {line}" for line in first.taken))
     print(f"then: fimpact check {options.out}")
 
 
-def _check_place(out: Path) -> None:
-    """Before the work: a file can be written there."""
-    if out.is_dir():
-        raise CaseError(f"{out} is a folder; name a file with -o")
-    if not out.resolve().parent.is_dir():
-        raise CaseError(f"{out.resolve().parent} is not a folder; make it, or choose another name with -o")
+def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
+    """Before the work: a file can be written there, and is none of `files`, which are read."""
+    from fimpact.drafts import check_apart, draft_folder
+
+    if out.exists() and not out.is_file():
+        raise ValueError(f"{out} is {'a folder' if out.is_dir() else 'no ordinary file'}; name a file with -o")
+    parent = out.resolve().parent
+    if not parent.is_dir():
+        raise ValueError(f"{parent} is not a folder; make it, or choose another name with -o")
+    check_apart(out, files)
+    try:
+        with draft_folder(parent):
+            pass
+    except OSError as error:
+        raise ValueError(f"{out} cannot be written ({error.strerror}); choose another name with -o") from None
 
 
 def _diagnose(options: argparse.Namespace) -> None:
+    from fimpact.cases.errors import one_of
     from fimpact.diagnose_recording import diagnose_recording
+    from fimpact.effects import EFFECTS
+    from fimpact.selection.limits import Limits
 
-    found, page = diagnose_recording(*_asked(options))
+    families = list(dict.fromkeys(effect.family for effect in EFFECTS.values()))
+    alike = [family for family in families if options.only in family.split()]
+    only = alike[0] if len(alike) == 1 else options.only and one_of(families, options.only, "family", "--only")
+    limits = Limits(options.quick, only, options.budget or math.inf, time.monotonic())
+    found, page = diagnose_recording(*_asked(options), limits)
     print(f"page: {page}")
     print(found.verdict)
 
 
 def _fit(options: argparse.Namespace) -> None:
+    from fimpact.cases import inputs
+    from fimpact.drafts import write_text
     from fimpact.fit_recording import as_json, fit_recording, in_lines
-    from fimpact.tables import write_text
 
     if options.out:
-        _check_place(options.out)
-    found = fit_recording(options.case, options.data, options.names, _tell, options.effects)
+        own = [path for path in (options.case, options.effects) if path]
+        _check_place(options.out, own)
+        _check_place(options.out, inputs(options.case, options.data))
+    found = fit_recording(options.case, options.data, options.names, _teller(), options.effects)
     if options.out:
         write_text(as_json(found), options.out)
     print("\n".join(in_lines(found)))
@@ -142,27 +231,40 @@ def _resolve(options: argparse.Namespace) -> None:
     for member in ranked:
         print(f"{member.weight:4.0%}  {words(member.name)}")
     said = ", ".join(map(words, left))
-    print(f"Left: {said}." if len(left) == 1 else f"These cannot be told apart yet: {said}.")
+    if not ranked:
+        print(f"Left: {said}. The diagnosis left no other name, and nothing is to be resolved.")
+    else:
+        print(f"Left: {said}." if len(left) == 1 else f"These cannot be told apart yet: {said}.")
 
 
 def _asked(options: argparse.Namespace) -> tuple:
     """Case, data, folder of the page, progress and effects, as the command line gives them."""
     out = options.out or Path("results") / "recordings" / options.case.stem
-    return options.case, options.data, out, _tell, options.effects
+    return options.case, options.data, out, _teller(), options.effects
 
 
-def _tell(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
+def _teller() -> Callable[[str], None]:
+    from fimpact.telling import Teller
+
+    return Teller()
+
+
+def _keys(options: argparse.Namespace) -> None:
+    from importlib.resources import files
+
+    text = files("fimpact.cases").joinpath("keys.md").read_text(encoding="utf-8")
+    print(text.partition(OTHERS)[0].rstrip())
 
 
 def _effects(options: argparse.Namespace) -> None:
-    from fimpact.effects import EFFECTS
+    from fimpact.effects import get_effect
+    from fimpact.effects.listing import catalogue, described, place_lister
+    from fimpact.effects.own import load_effects
 
-    width = max(map(len, EFFECTS))
-    for family in dict.fromkeys(effect.family for effect in EFFECTS.values()):
-        print(family)
-        for effect in (e for e in EFFECTS.values() if e.family == family):
-            print(f"  {effect.name:{width}}  {effect.sentence}")
+    if options.effects:
+        load_effects(options.effects)
+    places = place_lister(options.model) if options.model else None
+    print("\n".join(described(get_effect(options.name), places) if options.name else catalogue(places)))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from difflib import get_close_matches
 
 from jsonschema import ValidationError
 
+MOST = 1000  # letters of a name, and names, beyond which the nearest takes long to find
 NAMES = {"integer": "a whole number", "number": "a number", "string": "text", "array": "a list", "object": "a table"}
 
 
@@ -25,7 +26,7 @@ def name(path: Iterable[str | int]) -> str:
 
 def among(allowed: Sequence, got: object) -> str:
     """The list of what is allowed, with the nearest to what was given."""
-    near = get_close_matches(str(got), [str(value) for value in allowed], 1)
+    near = get_close_matches(str(got)[:MOST], [str(value) for value in allowed[:MOST]], 1)
     return f"allowed: {', '.join(map(str, allowed))}" + (f"; did you mean '{near[0]}'?" if near else "")
 
 

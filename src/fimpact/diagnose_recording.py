@@ -7,11 +7,12 @@ from pathlib import Path
 
 from fimpact.cases import inputs, read_case
 from fimpact.diagnosis.pipeline import Diagnosis, diagnose
+from fimpact.drafts import check_apart, write_text
 from fimpact.effects.own import load_effects
 from fimpact.experiments.described import next_experiment
-from fimpact.report import check_folder, write_report
+from fimpact.report import reserved, write_report
 from fimpact.report_contents import TIMING, describe_inputs
-from fimpact.tables import write_text
+from fimpact.selection.limits import Limits
 
 
 def diagnose_recording(
@@ -20,6 +21,7 @@ def diagnose_recording(
     folder: Path | str,
     progress: Callable[[str], None],
     effects: Path | str | None = None,
+    limits: Limits | None = None,
 ) -> tuple[Diagnosis, Path]:
     """Read `case`, diagnose it, and write the page and all that belongs to it to `folder`.
 
@@ -29,6 +31,7 @@ def diagnose_recording(
         data: folder of the data files; None: the one that the case names.
         progress: receives one line at the start of each piece of work.
         effects: Python file that adds effects to the catalogue; None: there is none.
+        limits: of what is asked for; None: of all.
 
     Returns:
         The diagnosis, and the path of its page.
@@ -37,14 +40,21 @@ def diagnose_recording(
         CaseError: the case or its data cannot be used. FileExistsError: `folder` holds files that are no report.
         ValueError: `effects` cannot be run, or adds nothing.
     """
-    check_folder(Path(folder))  # a diagnosis takes too long to be lost at its end
+    with reserved(Path(folder)):  # a diagnosis takes too long to be lost at its end
+        return _diagnosed(case, data, folder, progress, effects, limits)
+
+
+def _diagnosed(case, data, folder, progress, effects, limits) -> tuple[Diagnosis, Path]:
     recording = read_case(case, data)
+    for note in recording.notes:
+        progress(f"note: {note}")
     if effects:
         progress(f"adding {', '.join(load_effects(effects))} to the catalogue")
     files = [Path(case), *inputs(case, data), *([Path(effects)] if effects else [])]
+    check_apart(Path(folder), files)
     provenance = describe_inputs(files)  # of what was read, whatever becomes of it meanwhile
     begun = time.perf_counter()
-    found = diagnose(recording, progress)
+    found = diagnose(recording, progress, limits=limits)
     seconds = time.perf_counter() - begun
     if len(found.members) > 1:
         progress("designing the experiment that tells the names apart")

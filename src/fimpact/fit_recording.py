@@ -74,7 +74,9 @@ def fit_recording(
         )
     simulator, hypotheses = prepared.track.simulator, [Hypothesis(fit.theta, fit.placed) for fit in (naive, best)]
     progress("proving on held-out runs")
-    proof = prove(prepared, {n: (simulator, h) for n, h in zip(("naive", "improved"), hypotheses, strict=True)})
+    proof = prove(
+        prepared, {n: (simulator, h) for n, h in zip(("naive", "improved"), hypotheses, strict=True)}, False, progress
+    )
     return Insisted(naive, best, proof)
 
 

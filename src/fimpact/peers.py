@@ -30,7 +30,7 @@ def require_sysid() -> None:
         ValueError: mujoco.sysid is not installed.
     """
     if not find_spec("plotly"):  # what it needs beyond mujoco, whose module is always there
-        raise ValueError("mujoco.sysid cannot be imported; install the comparators: pip install -e '.[peers]'")
+        raise ValueError("mujoco.sysid cannot be imported; install the comparators: pip install 'fimpact[peers]'")
 
 
 def fit_sysid(prepared: Prepared, knobs: Knobs, start: np.ndarray | None = None) -> tuple[float, np.ndarray]:

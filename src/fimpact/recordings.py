@@ -53,6 +53,7 @@ class Recording:
     as ``name[0]``, ``name[1]``, ... unknowns: what is fitted. noise: sd of each channel where known, else NaN.
     start_sd: prior standard deviation of qpos and qvel (2 nv,) at the start of each run that `opens`, inf: none.
     window: length of the windows in s, 0: whole runs. windows: how many of the training runs' are fitted, 0: all.
+    notes: lines about how the log was read, for its owner.
     """
 
     xml: str
@@ -65,6 +66,7 @@ class Recording:
     start_sd: np.ndarray
     window: float
     windows: int = 0
+    notes: tuple[str, ...] = ()
 
     def spec(self) -> mujoco.MjSpec:
         """A fresh MjSpec of the naive model; gravity that a flag switches off is none, so that a lean can be tried."""

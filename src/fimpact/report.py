@@ -3,8 +3,8 @@
 import base64
 import os
 import shutil
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,9 @@ import matplotlib.pyplot as plt
 from markupsafe import Markup
 
 from fimpact.diagnosis.pipeline import Diagnosis
+from fimpact.drafts import draft_folder, made
 from fimpact.effects.base import words
+from fimpact.effects.fields import SIMULATORS
 from fimpact.experiments.described import COMMANDS, START, described, write_experiment
 from fimpact.experiments.design import Experiment
 from fimpact.experiments.figures import commands
@@ -46,17 +48,31 @@ def write_report(
     Raises:
         FileExistsError: `folder` holds files that are no part of a report.
     """
-    check_folder(Path(folder))
     folder = Path(folder).resolve()
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    building = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
+    with reserved(folder) as building:
         _fill(diagnosis, building, experiment, provenance)
         building.chmod(0o755)
         _swap(building, folder)
-    finally:
-        shutil.rmtree(building, ignore_errors=True)
     return folder / PAGE
+
+
+@contextmanager
+def reserved(folder: Path) -> Iterator[Path]:
+    """Make the folder beside `folder` in which a report is made, and whatever folders are above; all of them are gone
+    again if it fails, and of a process that was killed with the next one.
+
+    Raises:
+        FileExistsError: `folder` holds files that are no report. PermissionError: nothing can be written there.
+    """
+    check_folder(folder)
+    folder = folder.resolve()
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(made(folder.parent))
+            building = stack.enter_context(draft_folder(folder.parent, f".{folder.name}-draft-"))
+        except OSError as error:
+            raise PermissionError(f"{folder} cannot be made ({error.strerror}); choose another with --out") from None
+        yield building
 
 
 def check_folder(folder: Path) -> None:
@@ -124,6 +140,16 @@ def _page(diagnosis: Diagnosis, content: Mapping[str, Any], images: Mapping[str,
         images={name: Markup(svg) for name, svg in images.items()},
         names=(("naive", "naive fit"), ("freed", "everything freed"), ("improved", "improved")),
         laws=list({row["effect"]: row for row in content["effects"]}.values()),
+        fields=_fields(content["effects"]),
+        simulators=SIMULATORS,
         runs=(len(recording.training), len(recording.held_out)),
         tried=len(diagnosis.explanation.rounds[0].tried) if diagnosis.explanation.rounds else 0,
     )
+
+
+def _fields(effects: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, dict[str, str]]]:
+    """Effects whose fields are the same, in one row: name, places and the field of each simulator."""
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for row in effects:
+        rows.setdefault((row["effect"], *row["fields"].values()), []).append(row["site"])
+    return [(name, ", ".join(at), dict(zip(SIMULATORS, texts, strict=True))) for (name, *texts), at in rows.items()]

@@ -13,6 +13,7 @@ import numpy as np
 
 from fimpact.diagnosis.pipeline import Diagnosis, to_json
 from fimpact.diagnosis.proof import horizons_of, starts_of
+from fimpact.effects.fields import fields_of
 from fimpact.export.model import Exported, Predicted, write_model
 from fimpact.export.replay import XML
 from fimpact.film import draw_film
@@ -42,9 +43,11 @@ def contents(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) 
     """Everything on the page in plain types; writes the film to `folder`, and the improved model if held-out
     data bear it out."""
     found, recording = to_json(diagnosis), diagnosis.recording
-    laws = {placed.name: placed.effect for placed in diagnosis.best.placed}
+    laws, spec = {placed.name: placed for placed in diagnosis.best.placed}, recording.spec()
     for row in found["effects"]:
-        row |= {part: getattr(laws[row["name"]], part) for part in ("equation", "sentence", "reference")}
+        law = laws[row["name"]]
+        row |= {part: getattr(law.effect, part) for part in ("equation", "sentence", "reference")}
+        row["fields"] = fields_of(law.effect, spec, law.site)
     runs = recording.held_out or recording.training
     starts = starts_of(recording, runs, diagnosis.prepared.noise, diagnosis.simulator)
     exported = _export(diagnosis, folder, runs, starts)

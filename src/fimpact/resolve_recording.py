@@ -29,21 +29,24 @@ def resolve_recording(
         effects: Python file that adds effects to the catalogue; None: there is none.
 
     Returns:
-        The members in falling order of weight, and the names of those that still cannot be told apart.
+        The members in falling order of weight, and the names of those that still cannot be told apart; of a diagnosis
+        that left one name, or none, no member and its answer.
 
     Raises:
-        CaseError: the case or its data cannot be used, or `folder` holds no diagnosis of it that left several names.
+        CaseError: the case or its data cannot be used, or `folder` holds no diagnosis of it.
         ValueError: `effects` cannot be run, or adds nothing.
     """
     recording = read_case(case, data)
     if effects:
         load_effects(effects)
     earlier = _earlier(Path(folder) / DATA, case)
+    if len(earlier["members"]) < 2:
+        return [], [earlier["answer"]]
     _check_inputs(earlier["provenance"]["inputs"], inputs(case, data), case)
     known, added = _split(recording, set(earlier["runs"]), case)
     names = ["+".join(sorted(member)) for member in earlier["members"]]
     progress(f"fitting {', '.join(names)} with {', '.join(run.name for run in added)}")
-    ranked = resolve(known, added, earlier["members"], stated(known, earlier))
+    ranked = resolve(known, added, earlier["members"], stated(known, earlier), progress)
     return ranked, remaining(ranked)
 
 
@@ -52,11 +55,11 @@ def _earlier(path: Path, case: Path | str) -> dict[str, Any]:
         raise CaseError(f"{path} is missing; run `fimpact diagnose {case}` first, or name its folder with --out")
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        count = len(found["members"]) if found["runs"] and found["provenance"]["inputs"] and found["parameters"] else 0
+        if not all([found["answer"], found["runs"], found["parameters"], found["provenance"]["inputs"]]):
+            raise TypeError("a part of it is empty")
+        len(found["members"])
     except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError):
         raise CaseError(f"{path} is no diagnosis of this version; run `fimpact diagnose {case}` again") from None
-    if count < 2:
-        raise CaseError(f"{path} answers {found['answer']}: that is no set of names, and nothing is to be resolved")
     return found
 
 

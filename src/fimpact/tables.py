@@ -1,12 +1,12 @@
 """Tables and arrays on disk: written whole or not at all, in one number format, in one order."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
+
+from fimpact.drafts import replacing
 
 FLOAT = "%.9g"
 ORDER = ["system", "method", "surface", "seed", "round"]
@@ -21,12 +21,6 @@ def write(table: pd.DataFrame, path: str | Path) -> None:
     """Write `table` as CSV with nine significant digits."""
     with replacing(path) as draft:
         table.to_csv(draft, index=False, float_format=FLOAT, lineterminator="\n")
-
-
-def write_text(text: str, path: str | Path) -> None:
-    """Write `text` with one newline at its end."""
-    with replacing(path) as draft:
-        draft.write_text(text.rstrip("\n") + "\n")
 
 
 def write_arrays(arrays: dict[str, np.ndarray], path: str | Path) -> None:
@@ -46,17 +40,3 @@ def gather(paths: Iterable[str | Path], systems: Sequence[str], methods: Sequenc
     keys = {key: table[key].map(rank.get(key, lambda value: value)) for key in ORDER if key in table}
     # lexsort is stable and takes its most important key last.
     return table.iloc[np.lexsort([keys[key] for key in reversed(keys)])].reset_index(drop=True)
-
-
-@contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
-    """A draft that takes the place of `path` in one step once it is complete.
-
-    A run killed while it writes leaves no half file, and two that write the same file do not mix.
-    """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=path.parent, prefix=".draft-") as folder:
-        draft = Path(folder) / path.name
-        yield draft
-        draft.replace(path)

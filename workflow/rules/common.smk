@@ -33,27 +33,28 @@ REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in (
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
 EFFECTS = (
-    "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing sites "
+    "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing servos sites "
     "structure transmission"
 )
-SHARED = ["__init__", "tables", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
+SHARED = ["__init__", "tables", "drafts", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = ["quiet"] + [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
 CASE = (
-    "__init__ angles arrays case channels checks errors kinds lerobot load misreadings model physics quaternions readers "
-    "ros runs sensors sources start texts timebase units"
+    "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics lerobot load "
+    "misreadings model motion physics plausible quaternions readers ros rows runs sensors sources start texts "
+    "ties timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()
 SMOOTHER = (
     "filtering inverse kalman laws levels linear parameters prepare response rubbing smoother states step stretches track"
 ).split()
-PROOF = ["quiet", "deciding", "recordings", "units", "diagnosis/freed", "diagnosis/proof"]
+PROOF = ["quiet", "deciding", "recordings", "units", "visuals", "diagnosis/freed", "diagnosis/proof"]
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
 PROOF += [f"effects/{name}" for name in "base drives gears native sites".split()]
 FINDING = [*PROOF, "smoothing/columns", *(f"effects/{name}" for name in EFFECTS.split())]
-FINDING += [f"selection/{name}" for name in "begin exchange forward leftover options regression search".split()]
+FINDING += [f"selection/{name}" for name in "begin exchange forward leftover limits options regression search".split()]
 FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
 DESIGNING = [f"experiments/{name}" for name in "described design limits separation".split()]
 FORCED = [name for name in FINDING if not name.startswith(("diagnosis", "selection")) and name != "effects/classes"]
@@ -61,11 +62,11 @@ FORCED += ["diagnosis/proof", "selection/forced", "selection/regression"]
 EXPORT = [f"export/{name}" for name in "callback mjcf model player replay".split()]
 STAGES = {
     "compile": MODEL,
-    "trial": [*MODEL, "tables", "truth", "design", "search", "estimate", "trial"],
-    "reach": [*MODEL, "tables", "truth", "design", "search", "estimate", "trial", "reach"],
-    "tables": ["tables"],
-    "summary": ["tables", "measures", "summary"],
-    "figures": ["tables", "measures", "summary", "looks", "curve", "figures"],
+    "trial": [*MODEL, "tables", "drafts", "truth", "design", "search", "estimate", "trial"],
+    "reach": [*MODEL, "tables", "drafts", "truth", "design", "search", "estimate", "trial", "reach"],
+    "tables": ["tables", "drafts"],
+    "summary": ["tables", "drafts", "measures", "summary"],
+    "figures": ["tables", "drafts", "measures", "summary", "looks", "curve", "figures"],
     "conceal": [
         *SHARED,
         *RIGS,
@@ -74,15 +75,16 @@ STAGES = {
     "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "experiments/resolve", "concealed/blind"],
     "peers": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/peers"],
     "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "oracle places score seal".split()],
-    "measures": ["__init__", "tables", "concealed/__init__", "concealed/lines", "concealed/measures"],
+    "measures": ["__init__", "tables", "drafts", "concealed/__init__", "concealed/lines", "concealed/measures"],
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
     + "scene stage replay gif examples".split(),
-    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, "experiments/figures", "effects/own"]
-    + "tables looks scene stage gif motion film report_figures report_look report_numbers report_contents".split()
+    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, "experiments/figures", "effects/fields", "effects/own"]
+    + "tables drafts looks scene stage gif motion film report_figures report_look report_numbers report_contents".split()
     + "report diagnose_recording".split(),
-    "compare_recording": [*READ, *PROOF, "simulation/random_features"] + "knobs peers tables compare_recording".split(),
-    "recordings_summary": ["__init__", "tables", "rig_summary"],
+    "compare_recording": [*READ, *PROOF, "simulation/random_features"]
+    + "knobs peers tables drafts compare_recording".split(),
+    "recordings_summary": ["__init__", "tables", "drafts", "rig_summary"],
 }
 
 

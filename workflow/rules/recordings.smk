@@ -41,7 +41,7 @@ rule diagnose_recording:
         "<recordings>/logs/diagnose/{case}.log",
     wildcard_constraints:
         case="|".join(map(re.escape, KNOWN)),
-    threads: workflow.cores
+    threads: 8  # or all, where there are fewer; a cluster has no such number
     params:
         data=DATA,
     message:

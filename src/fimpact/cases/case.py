@@ -9,10 +9,11 @@ import numpy as np
 from fimpact.cases import quaternions
 from fimpact.cases import start as starts
 from fimpact.cases.channels import Channel, channels, commands
-from fimpact.cases.checks import check_recording, check_rows, check_sources, fewest
+from fimpact.cases.checks import check_columns, check_recording, check_rows, check_sources, fewest
+from fimpact.cases.compiling import compiled
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
-from fimpact.cases.model import Naive, compiled, model_files, read_model
+from fimpact.cases.model import Naive, model_files, read_model
 from fimpact.cases.readers import files_of
 from fimpact.cases.runs import Sampled, filtered_noise, held_commands, pieces, sample
 from fimpact.cases.sensors import place_sensors
@@ -40,10 +41,11 @@ def read_case(path: str | Path, data_root: str | Path | None = None) -> Recordin
     place_sensors(naive, case["measurements"])
     naive = replace(naive, model=compiled(naive.tree, naive.path))
     sampled, drives, seen = _sampled(case, naive, _root(case, path, data_root))
+    check_columns(sampled, drives, seen, set(case.get("accept", [])))
     period = _period(case, naive, sampled)
     recording = _recording(case, naive, seen, drives, sampled, period)
-    check_recording(recording, naive.model, seen, set(case.get("accept", [])))
-    return recording
+    notes = check_recording(recording, naive.model, seen, set(case.get("accept", [])))
+    return replace(recording, notes=(*recording.notes, *notes))
 
 
 def inputs(path: str | Path, data_root: str | Path | None = None) -> list[Path]:
@@ -117,6 +119,7 @@ def _recording(
         start_sd=starts.prior(naive.model, start),
         window=window,
         windows=case.get("windows", 0),
+        notes=tuple(dict.fromkeys(note for one in sampled for note in one.notes)),
     )
 
 

@@ -6,30 +6,22 @@ from itertools import product
 import mujoco
 import numpy as np
 
-from fimpact.cases import kinds
-from fimpact.cases.channels import Channel
+from fimpact.cases import kinds, rows
+from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
-from fimpact.cases.physics import Motion, derivative, doubts
+from fimpact.cases.exchanged import exchange_ties
+from fimpact.cases.kinematics import Log, placed, sensor_ties, servo_ties, speed_ties
+from fimpact.cases.physics import dynamics_ties
 from fimpact.cases.readers import Column
-from fimpact.cases.runs import FEWEST
+from fimpact.cases.runs import FEWEST, Sampled
 from fimpact.cases.sources import Source, find
+from fimpact.cases.ties import DECLARED, MODEL_ERROR, ODDS, doubt, far_better, note
 from fimpact.recordings import Recording
 
+NOTHING = 1e-12  # of anything measured, in SI units
+LOUDEST = 3.0  # times all that is read: a noise that is declared so cannot be
 DEGREES, THOUSAND = 180 / np.pi, 1000.0
-LIKE = 1.25  # a factor within this of a known one is taken for it
-FAR = 1.3  # the speed may be this much off the derivative of the position before it is doubted
-KNOWN = (  # derivative of the position over the speed, and what it tells
-    (DEGREES, "the position is in degrees but declared as radians"),
-    (
-        1 / DEGREES,
-        "the position is in radians but declared as degrees, or the speed in degrees but declared as radians",
-    ),
-    (THOUSAND, "a unit is wrong by 1000: the position is too large, or the speed or the time too small"),
-    (1 / THOUSAND, "a unit is wrong by 1000: the position is too small, or the speed or the time too large"),
-    (1 / (2 * np.pi), "the position is in revolutions but declared as radians"),
-    (np.pi / 30, "the speed is in rpm but declared as rad/s"),
-    (-1.0, "one of them has the wrong sign: use `scale: -1`"),
-)
+LONG = 5.0  # s: in half of that a robot that falls freely is 30 m down
 
 
 def check_sources(runs: list[Source]) -> None:
@@ -80,27 +72,50 @@ def _same(one: np.ndarray | None, other: np.ndarray | None) -> bool:
     return one is other or (one is not None and other is not None and np.array_equal(one, other))
 
 
-def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Channel], accept: set[str]) -> None:
+def check_columns(runs: list[Sampled], commands: list[Command], seen: list[Channel], accept: set[str]) -> None:
+    """Judge the columns of each run as they stand in its rows.
+
+    Raises:
+        CaseError: the first thing that cannot be right.
+    """
+    for run in runs:
+        for kind, complaint in rows.doubts(run.source.name, commands, run.commands, seen, run.measured):
+            _refuse(kind, complaint, accept)
+
+
+def _refuse(kind: str, complaint: str, accept: set[str]) -> None:
+    if kind not in accept:
+        raise CaseError(f"{complaint}; if it is meant, write `accept: [{kind}]`")
+
+
+def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Channel], accept: set[str]) -> list[str]:
     """Judge a recording on its grid.
 
     Args:
         model: compiled naive model. seen: its channels. accept: doubts that the case says are meant.
 
+    Returns:
+        Lines about what is unusual and may be right.
+
     Raises:
         CaseError: the first thing that cannot be right.
     """
-    for check in (_lengths, _same_runs):
+    notes = []
+    for check in (_lengths, _same_runs, _noises):
         for complaint in check(recording):
             raise CaseError(complaint)
-    for check in (_still, _ranges, _cutoffs, _speeds, _dynamics):
-        for doubt, complaint in check(recording, model, seen):
-            if doubt not in accept:
-                raise CaseError(f"{complaint}; if it is meant, write `accept: [{doubt}]`")
+    for check in (_still, _dead, _weightless, _cutoffs, _ties, _ranges):
+        for kind, complaint in check(recording, model, seen):
+            if kind:
+                _refuse(kind, complaint, accept)
+            else:
+                notes.append(complaint)
     if recording.window and round(recording.window / recording.period) < FEWEST:
         raise CaseError(
             f"window is {recording.window:g} s, less than {FEWEST} samples of {recording.period:.6g} s; "
             "allowed: longer ones, or 0 for whole runs; make it longer"
         )
+    return notes
 
 
 def fewest(window: float, period: float) -> int:
@@ -131,18 +146,28 @@ def _same_runs(recording: Recording) -> Iterator[str]:
             )
 
 
+def _noises(recording: Recording) -> Iterator[str]:
+    for name, noise in zip(recording.channels, recording.noise, strict=True):
+        spread = float(np.nanstd(_values(recording, name))) if np.isfinite(_values(recording, name)).any() else 0.0
+        if 0 < LOUDEST * spread < noise:
+            yield (
+                f"the noise of '{name}' is declared as {noise:.4g} in SI units, but all that it reads, motion "
+                f"included, has a standard deviation of {spread:.4g}; allowed: less; correct `noise`, or remove it"
+            )
+
+
 def _still(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
     for channel in seen:
         values = np.column_stack([_values(recording, name) for name in channel.names])
         known = values[np.isfinite(values).all(axis=1)]
-        if not known.any():
+        if not np.abs(known).max(initial=0.0) > NOTHING:
             what = "0" if len(known) else "absent"
             yield "silent", f"'{channel.sensor}' is {what} in every run: a silent sensor; correct its column"
         elif not np.ptp(known, axis=0).any():
             yield "constant", f"'{channel.sensor}' is constant, {known[0, 0]:.6g} in every run; correct its column"
     ctrl = np.concatenate([run.ctrl for run in recording.runs])
     for actuator, values in enumerate(ctrl.T):
-        if np.ptp(values) == 0:
+        if np.ptp(values) <= 1e-9 * np.abs(values).max():  # but for what rounding does to means over a period
             name = model.actuator(actuator).name
             yield "constant", f"the command of '{name}' is constant, {values[0]:.6g} in every run; correct its column"
 
@@ -192,48 +217,89 @@ def _values(recording: Recording, name: str) -> np.ndarray:
     return np.concatenate([run.measured[:, column] for run in recording.runs])
 
 
-def _speeds(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
-    """The speed of each joint against the derivative of its position, and against those of the other joints."""
-    position = {c.joint: c.sensor for c in seen if c.type == kinds.JOINTPOS}
-    speed = {c.joint: c.sensor for c in seen if c.type == kinds.JOINTVEL}
-    rates = {joint: _derivatives(recording, name) for joint, name in position.items()}
-    for joint in speed.keys() & position.keys():
-        measured = _values(recording, speed[joint])
-        ratio, alike = _compared(rates[joint], measured)
-        better = [o for o in position if o != joint and _compared(rates[o], measured)[1] > max(0.9, alike + 0.2)]
-        if alike < 0.8 and better:
-            yield (
-                "swapped",
-                f"'{speed[joint]}' is not the derivative of '{position[joint]}' (correlation {alike:.2f}) but of "
-                f"'{position[better[0]]}': columns are swapped; exchange them",
-            )
-        if alike > 0.8 and not 1 / FAR < ratio < FAR:
-            yield _factor_doubt(position[joint], speed[joint], ratio)
+def _ties(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    """What kinematics and dynamics tie together, the exact laws first; a line of the kind "" is but a note."""
+    log = Log.of(recording, model, seen)
+    for ties in (speed_ties, sensor_ties, servo_ties, dynamics_ties, exchange_ties):
+        for tie in ties(log):
+            found, late = doubt(tie), note(tie)
+            if found:
+                yield found[0].doubt, found[1]
+            elif late:
+                yield "", late
+    yield from _unfilled(log)
 
 
-def _factor_doubt(position: str, speed: str, ratio: float) -> tuple[str, str]:
-    near = [cause for known, cause in KNOWN if ratio / known > 0 and 1 / LIKE < ratio / known < LIKE]
-    got = f"the derivative of '{position}' is {ratio:.4g} times '{speed}'"
-    cause = near[0] if near else "their units cannot both be right"
-    return ("sign" if near and ratio < 0 else "units"), f"{got}; it must be 1: {cause}; correct the unit"
+def _dead(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    """Sensors that do not change at all in one run, although in it moves what they measure."""
+    log = Log.of(recording, model, seen)
+    for channel in seen:
+        spans = [_span(run.measured[:, log.places[channel.sensor]]) for run in recording.runs]
+        for run, span in zip(recording.runs, spans, strict=True):
+            mover = _mover(log, channel)
+            if span or not max(spans) or mover is None:
+                continue
+            usual = min(_span(mover(other)) for other, own in zip(recording.runs, spans, strict=True) if own)
+            if usual and _span(mover(run)) > 0.5 * usual:
+                yield (
+                    "constant",
+                    f"'{channel.sensor}' does not change in run '{run.name}', unlike in others, although what moves it "
+                    "does; correct its column, or remove the run",
+                )
 
 
-def _derivatives(recording: Recording, name: str) -> np.ndarray:
-    column = recording.channels.index(name)
-    return np.concatenate([derivative(run.measured[:, column], recording.period, 1) for run in recording.runs])
+def _weightless(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
+    """Accelerometers whose orientation nothing shows: on a robot that stays where it is, acceleration in the world is
+    none on average, so that the mean of what they read cannot be shorter than gravity."""
+    log, weight = Log.of(recording, model, seen), float(np.linalg.norm(model.opt.gravity))
+    for channel in seen:
+        if channel.type != kinds.ACCELEROMETER or placed(log, channel, log.columns()):
+            continue
+        for run in recording.runs:
+            sizes = np.linalg.norm(run.measured[:, log.places[channel.sensor]], axis=1)
+            if len(sizes) * recording.period > LONG and np.nanmean(sizes) < weight / 2:
+                yield (
+                    "gravity",
+                    f"'{channel.sensor}' reads {np.nanmean(sizes):.3g} m/s^2 on average in run '{run.name}', but on a "
+                    f"robot that does not fall it reads {weight:.3g} or more: gravity was taken out, or it is in g; "
+                    "log the raw acceleration, or correct its unit",
+                )
 
 
-def _compared(rate: np.ndarray, speed: np.ndarray) -> tuple[float, float]:
-    """By what `speed` must be multiplied to give `rate` (their rms ratio with a sign), and |correlation|."""
-    known = np.isfinite(rate) & np.isfinite(speed)
-    x, y = speed[known], rate[known]
-    power = np.sqrt((x @ x) * (y @ y)) if known.sum() > FEWEST else 0.0
-    if power <= 0:
-        return 1.0, 0.0
-    return float(np.sign(x @ y) * np.sqrt((y @ y) / (x @ x))), float(abs(x @ y) / power)
+def _span(values: np.ndarray) -> float:
+    """By how much columns (T, k) change, inf if next to nothing of them is known."""
+    known = values[np.isfinite(values).all(axis=1)]
+    return float(np.ptp(known, axis=0).max()) if len(known) > FEWEST else np.inf
 
 
-def _dynamics(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> Iterator[tuple[str, str]]:
-    motion = Motion.of(recording, model, seen)
-    if motion is not None:
-        yield from doubts(motion)
+def _mover(log: Log, channel: Channel):
+    """Columns, of a run, of what makes a sensor change: the commands of its joint, or all positions."""
+    positions = [log.places[one.sensor] for one in log.seen if one.type == kinds.JOINTPOS and one != channel]
+    drives = [
+        actuator
+        for actuator in range(log.model.nu)
+        if channel.joint
+        and int(log.model.actuator_trntype[actuator]) in kinds.AT_JOINT
+        and log.model.joint(int(log.model.actuator_trnid[actuator, 0])).name == channel.joint
+    ]
+    if drives:
+        return lambda run: run.ctrl[:, drives]
+    if not channel.joint and positions:
+        return lambda run: run.measured[:, [place[0] for place in positions]]
+    return None
+
+
+def _unfilled(log: Log) -> Iterator[tuple[str, str]]:
+    """Commands that are 0 in one run, in which the robot moves as nothing but a command can make it."""
+    ctrl = [np.concatenate([log.recording.runs[run].ctrl for run in group]) for group in log.groups]
+    for tie in dynamics_ties(log) if any(not one.any(axis=0).all() for one in ctrl) else ():
+        left = [tie.left(DECLARED, group) for group in range(len(log.groups))]
+        for actuator in range(log.model.nu if tie.slack == MODEL_ERROR else 0):
+            used = [bool(one[:, actuator].any()) for one in ctrl]
+            good = [one.share for one, full in zip(left, used, strict=True) if full]
+            for name, one, full in zip(log.names, left, used, strict=True):
+                usual = float(np.median(good)) if good and not full else one.share
+                gain = 0.5 * one.independent * np.log(one.share / max(usual, 1e-12))
+                if far_better(one.share, usual, MODEL_ERROR) and gain > ODDS + np.log(len(left) * log.model.nu):
+                    line = f"the command of '{log.model.actuator(actuator).name}' is 0 throughout run '{name}', but the"
+                    yield "silent", f"{line} motion there needs it: it was never filled; correct it, or remove the run"

@@ -1,15 +1,25 @@
 """What is wrong with a case or its files, in one line."""
 
+import re
 from collections.abc import Iterable, Sequence
 
 from fimpact.complaints import among
+
+LONG = 120  # characters of a word that is no path, beyond which its middle is left out
 
 
 class CaseError(ValueError):
     """A case that cannot be used: one line with what is wrong, what was got, what is allowed and what to do."""
 
     def __init__(self, message: str):
-        super().__init__(" ".join(str(message).split()))
+        super().__init__(printable(" ".join(str(message).split())))
+
+
+def printable(message: str, most: int = 480) -> str:
+    """The message as a terminal may show it: no control characters, no endless words, at most so many characters."""
+    shown = "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in message)
+    shown = re.sub(rf"[^\s/\\]{{{LONG},}}", lambda word: f"{word[0][: LONG // 2]}...{word[0][-10:]}", shown)
+    return shown if len(shown) <= most else f"{shown[: most - 80]} ... {shown[-75:]}"
 
 
 def listed(allowed: Iterable, got: object, most: int = 12) -> str:

@@ -23,5 +23,8 @@ RANGEFINDER, SUBTREECOM, SUBTREELINVEL, CLOCK = _numbers(
 )
 FORCE, TORQUE, TOUCH = _numbers(mujoco.mjtSensor, "mjSENS_FORCE mjSENS_TORQUE mjSENS_TOUCH")
 AT_JOINT = _numbers(mujoco.mjtTrn, "mjTRN_JOINT mjTRN_JOINTINPARENT")
-(NO_BIAS,) = _numbers(mujoco.mjtBias, "mjBIAS_NONE")
-BODY, XBODY = _numbers(mujoco.mjtObj, "mjOBJ_BODY mjOBJ_XBODY")
+NO_BIAS, AFFINE = _numbers(mujoco.mjtBias, "mjBIAS_NONE mjBIAS_AFFINE")
+(FIXED,) = _numbers(mujoco.mjtGain, "mjGAIN_FIXED")
+BODY, XBODY, SITE = _numbers(mujoco.mjtObj, "mjOBJ_BODY mjOBJ_XBODY mjOBJ_SITE")
+EQUALITY, LAST_FRICTION = _numbers(mujoco.mjtConstraint, "mjCNSTR_EQUALITY mjCNSTR_FRICTION_TENDON")
+PLAIN_STATES = _numbers(mujoco.mjtDyn, "mjDYN_NONE mjDYN_FILTER mjDYN_FILTEREXACT")  # their state follows the command

@@ -12,6 +12,7 @@ from fimpact.complaints import in_words, most_telling, name
 
 SCHEMA = Path(__file__).with_name("schema.yaml")
 MOST = 100_000  # values of a case
+LARGEST = 1e15  # of any number in a case
 
 
 class _Loader(yaml.SafeLoader):
@@ -43,9 +44,9 @@ def load(path: Path) -> dict:
     """
     case = _read(Path(path), ())
     error = most_telling(Draft202012Validator(_schema()).iter_errors(case))
-    complaint = in_words(error) if error else _not_finite(case)
+    complaint = in_words(error) if error else _not_finite(case) or _not_printable(case)
     if complaint:
-        raise CaseError(f"{path}: {complaint} (all keys: config/recordings/README.md)")
+        raise CaseError(f"{path}: {complaint} (all keys: `fimpact keys`)")
     return case
 
 
@@ -72,7 +73,7 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict:
     if _entries(case) > MOST:
         raise CaseError(f"{path} has more than {MOST} entries once its aliases are unfolded; write it without them")
     if not isinstance(case, dict):
-        raise CaseError(f"{path} is not a table of keys; see config/recordings/README.md for an example")
+        raise CaseError(f"{path} is not a table of keys; `fimpact keys` shows an example")
     return _extended(_anchored(case, path.parent), path, seen)
 
 
@@ -108,10 +109,26 @@ def _tables(one: object, other: object) -> bool:
     return isinstance(one, dict) and isinstance(other, dict)
 
 
+def _not_printable(table: object) -> str | None:
+    """A key or a text that no terminal should be sent."""
+    if isinstance(table, dict | list):
+        parts = table.items() if isinstance(table, dict) else enumerate(table)
+        return next((c for part, value in parts if (c := _not_printable(part) or _not_printable(value))), None)
+    if isinstance(table, str) and not table.isprintable():
+        return f"{table!a} has a character that cannot be printed; allowed: letters, digits and signs; rename it"
+    return None
+
+
 def _not_finite(table: dict | list, path: tuple = ()) -> str | None:
+    """A number that is none, or that no case has."""
     for part, value in table.items() if isinstance(table, dict) else enumerate(table):
+        if part == "select":  # any value of a column
+            continue
         if isinstance(value, dict | list) and (complaint := _not_finite(value, (*path, part))):
             return complaint
         if isinstance(value, float) and not isfinite(value):
             return f"{name((*path, part))} is {value}; it must be a finite number"
+        if isinstance(value, int | float) and value and not 1 / LARGEST <= abs(value) <= LARGEST:
+            got = f"{value:g}" if isinstance(value, float) else f"a number of {len(str(abs(value)))} digits"
+            return f"{name((*path, part))} is {got}; it must be 0, or between {1 / LARGEST:g} and {LARGEST:g} in size"
     return None

@@ -6,9 +6,12 @@ from xml.etree import ElementTree
 
 import mujoco
 
+from fimpact.cases.compiling import compiled
 from fimpact.cases.errors import CaseError, listed, one_of, reason
+from fimpact.cases.plausible import check_model, check_numbers
 
 FORBIDDEN = "@|+"  # they join names in tables and answers
+LARGEST = 16 << 20  # bytes of an MJCF; meshes are files of their own
 NAMED = ("joint", "body", "actuator", "sensor", "geom", "site", "pair")
 
 
@@ -47,7 +50,9 @@ def read_model(path: Path) -> Naive:
     _include(tree, path, (path.resolve(),))
     _absolute_assets(tree, path.resolve().parent)
     _name_free_joints(tree)
+    check_numbers(tree, path)
     naive = Naive(path, tree, compiled(tree, path))
+    check_model(naive.model, path)
     if naive.model.nhistory or naive.model.npluginstate:
         raise CaseError(
             f"MJCF {path} has a plugin, a delay or an interval with a state of its own, which no log shows; allowed: "
@@ -84,22 +89,14 @@ def _assets(tree: ElementTree.Element) -> list[Path]:
     return [file for file in found if file.is_file()]
 
 
-def compiled(tree: ElementTree.Element, path: Path) -> mujoco.MjModel:
-    """The model of a tree.
-
-    Raises:
-        CaseError: MuJoCo does not accept it.
-    """
-    try:
-        return mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode")).compile()
-    except Exception as error:
-        raise CaseError(f"MJCF {path} does not compile: {reason(error)}; correct it") from None
-
-
 def _parsed(path: Path, main: Path) -> ElementTree.Element:
     what = "" if path == main else f" (included by {main})"
     if not path.is_file():
         raise CaseError(f"MJCF {path}{what} does not exist; correct the path")
+    if path.stat().st_size > LARGEST:
+        raise CaseError(
+            f"MJCF {path}{what} has {path.stat().st_size >> 20} MB; allowed: {LARGEST >> 20} MB; shorten it"
+        )
     try:
         text = path.read_text(encoding="utf-8")
         if "<!DOCTYPE" in text or "<!ENTITY" in text:

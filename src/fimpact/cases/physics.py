@@ -1,180 +1,304 @@
-"""What the naive model would do in the recorded states, against what was recorded.
+"""The tie of rigid-body dynamics: commands, weight and inertia of the naive model must balance in the recorded motion.
 
 A naive model is wrong, that is the point of recording; but no missing physics makes it right again when one column is
-read in degrees, 1000 times smaller, reversed, or exchanged with another. So each such reading is tried, and believed
-only if the model fails as declared and agrees after it.
+read in degrees, 1000 times smaller, reversed, or exchanged with another.
 """
 
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
+from functools import cache
 
 import mujoco
 import numpy as np
-from scipy.optimize import lsq_linear
-from scipy.signal import savgol_coeffs
 
 from fimpact.cases import kinds
-from fimpact.cases.channels import Channel
-from fimpact.cases.misreadings import Reading, States, read, readings
-from fimpact.cases.start import position_columns
-from fimpact.recordings import Recording
+from fimpact.cases.kinematics import ORDERS, Log, reordered
+from fimpact.cases.misreadings import Misreading, Positions, misread, misreadings
+from fimpact.cases.motion import SMOOTHERS, Motion, moved
+from fimpact.cases.ties import DECLARED, FEWEST, MODEL_ERROR, NOTHING, Left, Reading, Tie, bounded, least
 
-SAMPLES = 400  # states that are compared
+HOPEFUL = 0.5  # share that a reading may leave at first sight to be looked at closely
+SAMPLES = 300  # states that are compared
 CAPS = (60, 98)  # percentiles of acceleration up to which samples weigh in full; the better counts
 FRICTION = 10.0  # friction decelerates at most this many times as strongly as recorded
 NEAR = 0.1  # of the size of a geom: so close to another it may touch in reality
-FEWEST = 20  # of them that touch nothing
-SMOOTHERS = (7, 15, 45)  # samples of the local parabola; that in which the model agrees best counts
 SCALE = 4.0  # masses of a naive model may be this much off
-TERMS = (1 / SCALE, 1 / SCALE, 0.0), (SCALE, SCALE, SCALE)  # of what position, commands and speed do
-POOR, GOOD, BETTER = 0.25, 0.25, 0.4  # unexplained share: as declared at least, after at most, ratio of the two
+ROTOR = 10.0  # inertia of a drive is at most this many times that of the model
+LATE = (0.0, 0.02, 0.05, 0.1, 0.2)  # s: delays of a command that are honest
 
 
-def derivative(values: np.ndarray, period: float, order: int, width: int = 9) -> np.ndarray:
-    """Derivative (T,) by a local parabola; NaN at the ends and beside missing samples."""
-    out = np.full(len(values), np.nan)
-    if len(values) >= width:
-        kernel = savgol_coeffs(width, 2, deriv=order, delta=period)
-        out[width // 2 : len(values) - width // 2] = np.convolve(values, kernel, "valid")
+@dataclass(frozen=True)
+class Balance:
+    """Generalised forces in n states: of inertia, of a joint's own inertia, weight, speed (n, nv), and of actuators.
+
+    bias, gain: force of each actuator without a command, and by one unit of it, (n, nu). arms: (n, nu, nv).
+    speed, acceleration: (n, nv). rows: indices of the samples in the concatenated runs of a group.
+    """
+
+    inertia: np.ndarray
+    own: np.ndarray
+    weight: np.ndarray
+    moving: np.ndarray
+    bias: np.ndarray
+    gain: np.ndarray
+    arms: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    rows: np.ndarray
+
+
+def dynamics_ties(log: Log) -> Iterator[Tie]:
+    """Whether the naive model balances where nothing touches; of a free body also how it turns in flight."""
+    model, columns = log.model, log.columns()
+    if not model.njnt or any(len(columns.get(model.joint(j).name, ())) not in (1, 7) for j in range(model.njnt)):
+        return
+    if any(int(kind) not in kinds.PLAIN_STATES for kind in model.actuator_dyntype):
+        return
+    joints = [_dofs(model, j) for j in range(model.njnt)]
+    balances = _balances(log, columns)
+    several = [dofs for dofs in joints if dofs.size]
+    readings = tuple(misreadings(log))
+    what = "the commands, the naive model and the recorded accelerations"
+    yield Tie(what, log.names, readings, _left(log, balances, several, readings), MODEL_ERROR)
+    spins = [int(model.jnt_dofadr[j]) + np.arange(3, 6) for j in np.flatnonzero(model.jnt_type == kinds.FREE)]
+    quats = [channel for channel in log.seen if channel.type == kinds.FRAMEQUAT]
+    if spins and quats:
+        what = f"how '{quats[0].sensor}' turns in flight and the inertia of the naive model"
+        yield Tie(what, log.names, tuple(ORDERS), _left(log, balances, spins, tuple(ORDERS)), EVEN)
+
+
+EVEN = 0.1  # share that tumbling may leave where ratios of inertia are off: rows are scaled one by one
+
+
+def _dofs(model: mujoco.MjModel, joint: int) -> np.ndarray:
+    # Of a free joint only the translation: its rotation is a tie of its own.
+    return model.jnt_dofadr[joint] + np.arange(3 if model.jnt_type[joint] == kinds.FREE else 1)
+
+
+def _left(log: Log, balances, joints: list[np.ndarray], readings: tuple[Reading, ...]):
+    """What a reading leaves in a group; those that change commands only are compared in one go."""
+    alike: dict[Positions, list[Misreading]] = {}
+    for reading in (DECLARED, *readings):
+        alike.setdefault(misread(reading).positions, []).append(misread(reading))
+
+    @cache
+    def all_left(positions: Positions, group: int) -> dict[Misreading, Left]:
+        first = _found(log, balances, joints, group, positions, alike[positions], quick=True)
+        hopeful = [one for one, left in first.items() if left.share < HOPEFUL or not one.doubt]
+        closer = _found(log, balances, joints, group, positions, hopeful, quick=False) if hopeful else {}
+        return first | {one: left for one, left in closer.items() if left is not NOTHING}
+
+    return lambda reading, group: all_left(misread(reading).positions, group)[misread(reading)]
+
+
+def _found(log: Log, balances, joints, group: int, positions: Positions, readings: list[Misreading], quick: bool):
+    """What readings of the same positions leave; quickly: at one width and without a delay."""
+    out = dict.fromkeys(readings, NOTHING)
+    for width in SMOOTHERS[1:2] if quick else SMOOTHERS:
+        balance = balances(positions, group, width, quick)
+        if len(balance.rows) >= FEWEST:
+            commands = _commands(log, group, readings, LATE[:1] if quick or not log.model.nu else LATE)
+            found = _unbalanced(balance, commands, joints, readings, CAPS[1:] if quick else CAPS)
+            out = {reading: least([out[reading], one]) for reading, one in zip(out, found, strict=True)}
+    return out
+
+
+def _commands(log: Log, group: int, readings: list[Misreading], delays: tuple[float, ...]) -> np.ndarray:
+    """Commands (delays, readings, n, nu) of all samples of a group."""
+    runs = [log.recording.runs[run].ctrl for run in log.groups[group]]
+    shifts = [round(late / log.recording.period) for late in delays]
+    late = [np.concatenate([ctrl[np.maximum(np.arange(len(ctrl)) - shift, 0)] for ctrl in runs]) for shift in shifts]
+    return np.array([[reading.commands(ctrl) for reading in readings] for ctrl in late])
+
+
+def _unbalanced(balance: Balance, commands: np.ndarray, joints: list[np.ndarray], readings: list[Misreading], caps):
+    """What each reading leaves at the delay and the cap that suit it: the mean of all joints, whose units differ."""
+    power = [np.sum(balance.own[:, dofs] ** 2) for dofs in joints]
+    moving = [dofs for dofs, size in zip(joints, power, strict=True) if size > 1e-9 * max(power) > 0]
+    if not moving:
+        return [NOTHING] * len(readings)
+    ctrl = commands[:, :, balance.rows]
+    for index, reading in enumerate(readings):
+        if reading.unsigned is not None:
+            ctrl[:, index] = [_directed(balance, one, reading.unsigned) for one in ctrl[:, index]]
+    forces = np.einsum("drnu,nuv->drnv", balance.gain * ctrl + balance.bias, balance.arms)
+    several = [_problem(balance, forces, dofs, cap) for cap in caps for dofs in moving]
+    found = bounded(
+        *(np.concatenate([getattr(one, key) for one in several]) for key in ("gram", "cross", "low", "high"))
+    )
+    left = [one.left(part) for one, part in zip(several, np.split(found, len(several)), strict=True)]
+    shares = np.array([np.sum(one**2, axis=1) for one in left]).clip(0.0, 1.0)
+    shares = shares.reshape(len(caps), len(moving), *forces.shape[:2]).mean(axis=1)
+    out = []
+    for index, reading in enumerate(readings):
+        cap, delay = np.unravel_index(np.argmin(shares[:, :, index]), shares.shape[:2])
+        kept = left[cap * len(moving) : (cap + 1) * len(moving)] if not reading.doubt else []
+        rests = [one.reshape(*forces.shape[:2], -1)[delay, index] for one in kept] or [np.zeros(0)]
+        out.append(Left(float(shares[cap, delay, index]), np.concatenate(rests), LATE[delay]))
+    return out
+
+
+def _directed(balance: Balance, ctrl: np.ndarray, actuator: int) -> np.ndarray:
+    """Commands with the size of one as recorded, in the direction in which the motion needs it."""
+    needed = balance.inertia + balance.weight + balance.moving
+    towards = np.einsum("nv,nv->n", needed, balance.arms[:, actuator] * balance.gain[:, [actuator]])
+    out = ctrl.copy()
+    out[:, actuator] = np.abs(ctrl[:, actuator]) * np.sign(towards)
     return out
 
 
 @dataclass(frozen=True)
-class Motion:
-    """States in which the model is asked: for each width of `SMOOTHERS`, positions, speeds, accelerations, commands.
+class Problem:
+    """Least squares of one joint for each delay and reading, and last of friction alone (B + 1 in all).
 
-    joints: degrees of freedom of each joint that are compared as one.
+    columns: (B, k, n). target: (n,). own: (n,), by which what is left is judged: the target has inertia of other
+    joints, too, and where a reading makes one joint's motion small, would be all that is left to explain. low, high: as
+    `bounded` has them.
     """
 
-    model: mujoco.MjModel
-    states: tuple[States, ...]
-    joints: tuple[np.ndarray, ...]
+    columns: np.ndarray
+    target: np.ndarray
+    own: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
 
-    @staticmethod
-    def of(recording: Recording, model: mujoco.MjModel, seen: list[Channel]) -> "Motion | None":
-        """States of all runs, or None where the position of a joint is not measured or too few are left."""
-        columns = position_columns(model, seen)
-        if len(columns) < model.njnt or not model.njnt:
-            return None
-        states = [_states(recording, model, columns, width) for width in SMOOTHERS]
-        states = [one for one in states if len(one[0]) >= FEWEST]
-        return Motion(model, tuple(states), _compared_dofs(model)) if states else None
+    @property
+    def gram(self) -> np.ndarray:
+        """Products of the columns with one another."""
+        out = self.columns @ self.columns.transpose(0, 2, 1)
+        return np.concatenate([out, out[:1]])
 
+    @property
+    def cross(self) -> np.ndarray:
+        """Products of the columns with the target."""
+        return np.concatenate([self.columns @ self.target, self.columns[:1] @ self.own])
 
-def _compared_dofs(model: mujoco.MjModel) -> tuple[np.ndarray, ...]:
-    # Of a free joint only the translation: its rotation needs no force to be read right.
-    both = zip(model.jnt_type, model.jnt_dofadr, strict=True)
-    return tuple(np.arange(3 if kind == kinds.FREE else 1) + first for kind, first in both)
-
-
-def _states(recording: Recording, model: mujoco.MjModel, columns: dict, width: int):
-    parts = [_run_states(run, model, columns, width, recording.period) for run in recording.runs]
-    joined = [np.concatenate(both) for both in zip(*parts, strict=True)]
-    known = np.flatnonzero(np.isfinite(np.column_stack(joined)).all(axis=1))
-    chosen = known[np.unique(np.linspace(0, len(known) - 1, SAMPLES).astype(int))] if len(known) else known
-    return tuple(values[chosen] for values in joined)
+    def left(self, found: np.ndarray) -> np.ndarray:
+        """Residuals (B, n), in units of what friction alone leaves."""
+        alone = self.own - found[-1] @ self.columns[0]
+        rests = self.target - np.einsum("bk,bkn->bn", found[:-1], self.columns)
+        return rests / max(float(np.linalg.norm(alone)), 1e-300)
 
 
-def _run_states(run, model: mujoco.MjModel, columns: dict, width: int, period: float):
-    count = len(run.measured)
-    q, v, a = np.zeros((count, model.nq)), np.zeros((count, model.nv)), np.zeros((count, model.nv))
-    for joint, place in columns.items():
-        at, dof = model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]
-        q[:, at : at + len(place)] = run.measured[:, place]
-        for i, column in enumerate(place[:3]):
-            values = run.measured[:, column]
-            q[:, at + i] = derivative(values, period, 0, width)
-            v[:, dof + i], a[:, dof + i] = (derivative(values, period, order, width) for order in (1, 2))
-    ctrl = np.column_stack([derivative(c, period, 0, width) for c in run.ctrl.T]) if model.nu else run.ctrl
-    return q, v, a, ctrl
+def _problem(balance: Balance, forces: np.ndarray, dofs: np.ndarray, cap: float) -> Problem:
+    """What of the force of inertia at a joint the other forces (delays, readings, n, nv) make up.
 
-
-def doubts(motion: Motion) -> Iterator[tuple[str, str]]:
-    """The reading under which the naive model agrees far better, if there is one: its kind, and one line."""
-    declared = unexplained(motion, Reading("as declared", ""))
-    if declared < POOR:
-        return
-    tried = sorted(
-        ((unexplained(motion, one), i, one) for i, one in enumerate(readings(motion.model))), key=lambda t: t[:2]
-    )
-    best = [(error, one) for error, _, one in tried if error < GOOD and error < BETTER * declared]
-    if best:
-        causes = dict.fromkeys(one.cause for error, one in best if error < best[0][0] + 0.02)
-        yield (
-            best[0][1].doubt,
-            f"the naive model explains {max(0.0, 1 - declared):.0%} of the recorded acceleration as declared, but "
-            f"{1 - best[0][0]:.0%} if {' or '.join(list(causes)[:3])}; correct the case",
-        )
-
-
-def unexplained(motion: Motion, reading: Reading) -> float:
-    """Share of the recorded acceleration that the naive model does not explain when columns are read so, 0 to 1."""
-    return min(_error(motion, read(motion.model, state, reading)) for state in motion.states)
-
-
-def _error(motion: Motion, state) -> float:
-    terms, free = _terms(motion.model, *state)
-    if free.sum() < FEWEST:
-        return 1.0
-    recorded, speed = state[2][free], state[1][free]
-    power = [np.sum(recorded[:, dofs] ** 2) for dofs in motion.joints]
-    moving = [dofs for dofs, size in zip(motion.joints, power, strict=True) if size > 1e-9 * max(power) > 0]
-    both = [(recorded[:, dofs], [term[free][:, dofs] for term in terms], speed[:, dofs]) for dofs in moving]
-    return min((float(np.mean([_left(*one, cap) for one in both])) for cap in CAPS if both), default=1.0)
-
-
-def _left(recorded: np.ndarray, terms: list[np.ndarray], speed: np.ndarray, cap: float) -> float:
-    """Share of `recorded` (n, k), beyond what friction alone explains, that the model's terms do not explain.
-
-    Each term may be `SCALE` times larger or smaller, because inertias are guesses, and friction may help. Beyond
-    the percentile `cap` an impact weighs no more: one that comes a sample early would hide everything else.
+    Each term may be `SCALE` times larger or smaller, because inertias are guesses; friction and the drive's inertia
+    may help. Beyond the percentile `cap` an impact weighs no more: one a sample early would hide everything else.
     """
-    size = np.linalg.norm(recorded, axis=1)
+    size = np.linalg.norm(balance.inertia[:, dofs], axis=1)
     weight = np.minimum(1.0, 2 * np.percentile(size, cap) / np.maximum(size, 1e-300))[:, None]
-    target = (weight * recorded).ravel()
-    friction = [(weight * column).ravel() for column in (speed, np.sign(speed))]
-    friction = [
-        (-column, 0.0, FRICTION * np.linalg.norm(target) / np.linalg.norm(column))
-        for column in friction
-        if column.any()
-    ]
-    columns = [((weight * term).ravel(), low, high) for term, low, high in zip(terms, *TERMS, strict=True)]
-    alone = _cost(target, friction)
-    return min(1.0, _cost(target, [one for one in columns if one[0].any()] + friction) / alone) if alone else 1.0
+
+    def row(values: np.ndarray) -> np.ndarray:
+        return (weight * values[..., dofs]).reshape(*values.shape[:-2], -1)
+
+    target = row(balance.inertia)
+    drag = [-row(balance.v), -row(np.sign(balance.v))]
+    given = np.array([-row(balance.weight), -row(balance.moving), -row(balance.a), *drag])
+    acting = row(forces).reshape(-1, 1, len(target))
+    columns = np.concatenate([acting, np.broadcast_to(given, (len(acting), *given.shape))], axis=1)
+    own = np.linalg.norm(target)
+    strongest = [FRICTION * own / max(float(np.linalg.norm(x)), 1e-300) for x in drag]
+    rotor = ROTOR * own / max(float(np.linalg.norm(given[2])), 1e-300)
+    low, high = [1 / SCALE, 1 / SCALE, 0.0, 0.0, 0.0, 0.0], [SCALE, SCALE, SCALE, rotor, *strongest]
+    lows = np.array([*[low] * len(acting), [0.0] * 6])
+    return Problem(columns, target, row(balance.own), lows, np.array([*[high] * len(acting), [0.0] * 4 + strongest]))
 
 
-def _cost(target: np.ndarray, columns: list[tuple[np.ndarray, float, float]]) -> float:
-    if not columns or not target.any():
-        return float(np.sum(target**2))
-    # In units of the target, for the solver's sake.
-    unit = np.linalg.norm(target)
-    sizes = [np.linalg.norm(column) / unit for column, _, _ in columns]
-    matrix = np.column_stack([column / size for (column, _, _), size in zip(columns, sizes, strict=True)]) / unit
-    lows, highs = ([bounds[i] * size for bounds, size in zip(columns, sizes, strict=True)] for i in (1, 2))
-    return float(2 * lsq_linear(matrix, target / unit, (lows, highs), method="bvls").cost * unit**2)
+def _balances(log: Log, columns: dict[str, list[int]]):
+    careful, blind = _wary(log.model), _wary(log.model)
+    blind.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+
+    @cache
+    def motion(order: Reading, run: int, width: int) -> Motion:
+        measured = reordered(log, log.recording.runs[run].measured, order)
+        return moved(log.model, columns, measured, log.recording.period, width)
+
+    @cache
+    def balances(read: Positions, group: int, width: int, quick: bool) -> Balance:
+        model = blind if quick else careful
+        parts, count = [], 0
+        for run in log.groups[group]:
+            states = read.states(model, motion(read.order, run, width))
+            known = np.flatnonzero(np.isfinite(np.column_stack(states)).all(axis=1))
+            parts.append((*(one[known] for one in states), count + known))
+            count += len(states[0])
+        q, v, a, rows = (np.concatenate(one) for one in zip(*parts, strict=True))
+        most = max(4 * FEWEST, SAMPLES // len(log.groups)) // (2 if quick else 1)
+        chosen = np.unique(np.linspace(0, len(q) - 1, most).astype(int)) if len(q) else np.zeros(0, int)
+        return _balance(model, q[chosen], v[chosen], a[chosen], rows[chosen])
+
+    return balances
 
 
-def _terms(model: mujoco.MjModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, ctrl: np.ndarray):
-    """Accelerations (n, nv) by position, by commands and by speed in each state, and where nothing touches (n,)."""
-    still, driven, whole = np.zeros_like(v), np.zeros_like(v), np.zeros_like(v)
-    model = _wary(model)
-    data, free = mujoco.MjData(model), np.ones(len(q), bool)
+def _balance(model: mujoco.MjModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, rows: np.ndarray) -> Balance:
+    """Forces in each state in which nothing touches and no joint is at its limit."""
+    data, kept, found = mujoco.MjData(model), [], []
     for row in range(len(q)):
-        for out, speed, command in ((still, 0, 0), (driven, 0, ctrl[row]), (whole, v[row], ctrl[row])):
-            data.qpos[:], data.qvel[:], data.ctrl[:] = q[row], speed, command
-            mujoco.mj_forward(model, data)
-            out[row] = data.qacc
-        free[row] = data.ncon == 0
-    terms = still, driven - still, whole - driven
-    return terms, free & np.isfinite(whole).all(axis=1)
+        one = _forces(model, data, q[row], v[row], a[row])
+        if one is not None:
+            kept.append(row)
+            found.append(one)
+    shapes = [(model.nv,)] * 4 + [(model.nu,)] * 2 + [(model.nu, model.nv)]
+    arrays = [np.array([one[k] for one in found]).reshape(len(kept), *shape) for k, shape in enumerate(shapes)]
+    return Balance(*arrays, v[kept], a[kept], rows[kept])
+
+
+def _forces(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.ndarray, a: np.ndarray):
+    """Inertia, a joint's own, weight, what comes of speed (nv), bias and gain (nu) and lever arms (nu, nv) of the
+    actuators, without the directions that a closed loop forbids; None where something touches."""
+    data.qpos[:], data.qvel[:], data.ctrl[:], data.act[:] = q, v, 0.0, 0.0
+    mujoco.mj_fwdPosition(model, data)
+    kinds_of = data.efc_type[: data.nefc]
+    if data.ncon or (kinds_of > kinds.LAST_FRICTION).any():
+        return None
+    mujoco.mj_fwdVelocity(model, data)
+    masses, all_bias, weight = np.zeros((model.nv, model.nv)), data.qfrc_bias.copy(), np.zeros(model.nv)
+    mujoco.mj_fullM(model, data, masses)
+    passive, lifted = data.qfrc_passive.copy(), data.qfrc_gravcomp.copy()
+    bias, arms = _acting(model, data, 0.0)
+    gain = _acting(model, data, 1.0)[0] - bias
+    free = _free(model, data, kinds_of)
+    data.qvel[:] = 0
+    mujoco.mj_comVel(model, data)
+    mujoco.mj_rne(model, data, 0, weight)
+    speed = all_bias - weight - passive + lifted
+    return (
+        free @ masses @ a,
+        free @ (np.diag(masses) * a),
+        free @ (weight - lifted),
+        free @ speed,
+        bias,
+        gain,
+        arms @ free,
+    )
+
+
+def _acting(model: mujoco.MjModel, data: mujoco.MjData, command: float) -> tuple[np.ndarray, np.ndarray]:
+    """Force of each actuator (nu,) under this command, and its lever arms (nu, nv)."""
+    data.ctrl[:], data.act[:] = command, command
+    mujoco.mj_fwdActuation(model, data)
+    arms = np.zeros((model.nu, model.nv))
+    if model.nu:
+        mujoco.mju_sparse2dense(arms, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
+    return data.actuator_force.copy(), arms
+
+
+def _free(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.ndarray:
+    """Projector (nv, nv) on the motions that equality constraints leave."""
+    tied = data.efc_J.reshape(-1, model.nv)[: len(rows)][rows == kinds.EQUALITY] if model.neq else np.zeros((0, 1))
+    return np.eye(model.nv) - np.linalg.pinv(tied) @ tied if len(tied) else np.eye(model.nv)
 
 
 def _wary(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model, which reports contacts before they exert a force: real surfaces are some millimetres off."""
+    """The same model, which reports contacts before they exert a force (real surfaces are some millimetres off), and
+    whose actuators clip nothing."""
     model, sizes = copy(model), model.geom_rbound[model.geom_rbound > 0]
     near = NEAR * float(np.median(sizes)) if sizes.size else 0.0
     for margin, gap in ((model.geom_margin, model.geom_gap), (model.pair_margin, model.pair_gap)):
         margin += near
         gap += near
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    model.actuator_ctrllimited[:] = model.actuator_forcelimited[:] = 0
     return model

@@ -3,7 +3,7 @@
 Text is in `texts`, arrays of NumPy and MATLAB in `arrays`, bags of ROS in `ros`, datasets of LeRobot in `lerobot`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from fimpact.cases.errors import CaseError, listed, reason
 SPAN = 100 * 86_400 * 10**9  # ns that float holds exactly: 100 days
 SI = "SI"  # unit of a column whose format has SI units by convention
 LARGEST = 4 << 30  # bytes of numbers in a file; more than this is a compressed bomb or needs decimation before
+WIDEST = 10_000  # columns of a file
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def read_table(path: Path) -> Table:
         raise CaseError(f"data file {path} does not exist; put it there, correct `file`, or point to it with --data")
     try:
         where = str(path.resolve())
-        return [replace(one, origin=(where, one.group, one.name)) for one in reader(path)]
+        return [replace(one, origin=(where, one.group, one.name)) for one in _narrow(reader(path), path)]
     except CaseError:
         raise
     except Exception as error:
@@ -66,6 +67,12 @@ def read_table(path: Path) -> Table:
             f"data file {path} cannot be read as {kind}: {reason(error)}; "
             "it may be damaged or of another format; write it again"
         ) from None
+
+
+def _narrow(table: Sequence, path: Path) -> Sequence:
+    if len(table) > WIDEST:
+        raise CaseError(f"data file {path} has {len(table)} columns; allowed: {WIDEST}; leave out what is not needed")
+    return table
 
 
 def files_of(path: Path) -> list[Path]:
@@ -130,6 +137,7 @@ def arrow(table, path: Path, units: dict[str, str] | None = None) -> Table:
     Raises:
         CaseError: two columns of one name.
     """
+    _narrow(table.column_names, path)
     columns = [
         one
         for name, values in zip(table.column_names, table.columns, strict=True)

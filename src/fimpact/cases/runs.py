@@ -10,11 +10,14 @@ from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
 from fimpact.cases.quaternions import one_sign, whole
 from fimpact.cases.readers import Column
+from fimpact.cases.rows import ordered, refreshed
 from fimpact.cases.sources import Source, find, is_number
 from fimpact.cases.timebase import GAP, HELD, Series, checked_time, held, noise_factor, on_grid, stretches
 from fimpact.cases.units import factor
 
 FEWEST = 8  # samples of a run
+LARGEST = 1e9  # of what is measured or commanded, in SI units
+PERIODS = (1e-7, 100.0)  # s between samples
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class Sampled:
     source: Source
     commands: list[Series]
     measured: list[Series | None]
+    notes: tuple[str, ...] = ()
 
 
 def sample(
@@ -51,7 +55,24 @@ def sample(
     origin = min(one.time[0] for one in known)
     low, high = origin + source.start, origin + source.stop
     cut = [one and _cut(one, low, high, source.where) for one in (*ctrl, *seen)]
-    return Sampled(source, cut[: len(ctrl)], cut[len(ctrl) :])
+    fresh, notes = _refreshed(channels, cut[len(ctrl) :])
+    return Sampled(source, cut[: len(ctrl)], fresh, notes)
+
+
+def _refreshed(channels: list[Channel], seen: list[Series | None]):
+    """The series without rows in which a sensor's value was only written again, and a line about each such sensor."""
+    out, notes, at = list(seen), [], 0
+    for channel in channels:
+        place = slice(at, at + len(channel.columns))
+        at = place.stop
+        if all(seen[place]) and len({one.time.tobytes() for one in seen[place]}) == 1:
+            out[place], often = refreshed(seen[place])
+            if often > 1:
+                notes.append(
+                    f"each value of '{channel.sensor}' stands for {often} rows; it counts as read "
+                    f"every {out[place.start].period:.4g} s, in the first of them"
+                )
+    return out, tuple(notes)
 
 
 def _cut(series: Series, low: float, high: float, where: str) -> Series:
@@ -86,9 +107,12 @@ class _Reader:
             )
         if present.sum() < FEWEST:
             raise CaseError(f"{here} has {present.sum()} samples; allowed: {FEWEST} or more; remove the run")
-        checked = checked_time(time[present], here, column.numbers[present])
-        series = Series(checked, (column.values[present] + offset) * scale)
-        return _not_mostly_gaps(series, here)
+        time, values, rows = time[present], column.values[present], column.numbers[present]
+        if self.time.get("sort"):
+            time, values, rows = ordered(time, values, rows, here)
+        with np.errstate(over="ignore"):
+            series = Series(checked_time(time, here, rows), (values + offset) * scale)
+        return _not_mostly_gaps(_measurable(series, here), here)
 
     def _present(self, column: Column, here: str) -> np.ndarray:
         if column.values.dtype.kind not in "f":
@@ -128,6 +152,21 @@ class _Reader:
         if times.values.dtype.kind != "f":
             raise CaseError(f"{here}: its time '{times.name}' is text; allowed: numbers or ISO dates; correct `time`")
         return times
+
+
+def _measurable(series: Series, here: str) -> Series:
+    largest = np.abs(series.value).max()
+    if not largest <= LARGEST:
+        raise CaseError(
+            f"{here} goes up to {largest:.4g} in SI units, which nothing measures; allowed: up to {LARGEST:g}; "
+            "correct the column, its unit or its scale"
+        )
+    low, high = PERIODS
+    if not low <= series.period <= high:
+        raise CaseError(
+            f"{here} has a sample every {series.period:.4g} s; allowed: every {low:g} to {high:g} s; correct time.unit"
+        )
+    return series
 
 
 def _not_mostly_gaps(series: Series, here: str) -> Series:

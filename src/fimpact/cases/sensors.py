@@ -72,7 +72,8 @@ def _add(naive: Naive, block: ElementTree.Element, key: str, entry: dict, where:
 
 
 def _by_unit(unit: str, where: str) -> str:
-    for wanted, quantity in (("rad", "position"), ("m", "position"), ("rad/s", "velocity"), ("m/s", "velocity")):
+    positions = [(of, "position") for of in ("rad", "m", "counts", "percent")]
+    for wanted, quantity in (*positions, ("rad/s", "velocity"), ("m/s", "velocity")):
         if same_dimension(unit, wanted):
             return quantity
     factor(unit, None, where)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
-from scipy.signal import firwin
 
 from fimpact.cases.errors import CaseError
 
 GAP = 2.5  # periods between samples of one channel from which on they are separate pieces
 HELD = 10.5  # periods for which a command is believed to be held where the log has no line
 CLOSE = 1e-6  # of a period, which is rounding: a stamp that far off a point of the grid is meant to be there
+NEARBY = 20  # rows: so far at most a row of a bag stands from its place; further off, a recording begins anew
 TAPS = 10  # half-length of the anti-alias filter in periods of the new grid
 
 
@@ -50,11 +50,13 @@ def checked_time(time: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
     if late.size:
         at = int(late[0])
         kind = "repeated" if time[at] == time[at + 1] else "backward"
+        near = np.max(np.abs(np.argsort(time, kind="stable") - np.arange(len(time)))) <= NEARBY
         whole = kind == "repeated" and np.array_equal(time, np.round(time))
         raise CaseError(
             f"{where}: time is {kind}: {time[at]:.15g} s is followed by {time[at + 1]:.15g} s in row {rows[at + 1]} "
             f"({late.size} such rows); it must increase; "
             + ("name the column with the fraction of a second as `time.fraction`, or " if whole else "")
+            + ("write `sort: true` under `time`, which sorts rows and drops doubled ones, or " if near else "")
             + "remove these rows, or `split` the file into runs"
         )
     return time
@@ -104,6 +106,8 @@ def _sampled(series: Series, grid: np.ndarray, period: float, reach: float) -> n
 
 
 def _taps(factor: int) -> np.ndarray:
+    from scipy.signal import firwin  # it takes half a second to import, and few logs are decimated
+
     return firwin(2 * TAPS * factor + 1, 1 / factor)
 
 

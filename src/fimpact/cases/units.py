@@ -4,6 +4,7 @@ Angle and counts are dimensions of their own here, unlike in SI: rad is not 1 an
 of encoder counts or revolutions can never pass for an angle in radians.
 """
 
+import re
 from functools import cache
 from math import isfinite, tau
 
@@ -13,6 +14,7 @@ PREFIXES = {"nano": "1e-9 = n-", "micro": "1e-6 = µ- = u-", "milli": "1e-3 = m-
 PREFIXES |= {"kilo": "1e3 = k-", "mega": "1e6 = M-"}
 BASES = ("meter = [length] = m", "second = [time] = s", "kilogram = [mass] = kg", "radian = [angle] = rad")
 BASES += ("volt = [voltage] = V", "ampere = [current] = A", "count = [counting] = counts")
+BASES += ("percent = [share] = pct",)  # of a range that the log does not know
 DERIVED = (
     "gram = 1e-3 * kilogram = g",
     f"degree = {tau / 360!r} * radian = deg",
@@ -27,7 +29,9 @@ DERIVED = (
     "foot = 0.3048 * meter = ft",
     "pound_force = 4.4482216152605 * newton = lbf",
 )
-EXAMPLES = "m, mm, rad, deg, rev, counts, s, ms, m/s, rad/s, deg/s, rpm, m/s^2, g_n, N, N m, mN m, V, A, 1"
+LONGEST = 80  # letters of a unit or a gain
+EXAMPLES = "m, mm, rad, deg, rev, counts, percent, s, ms, m/s, rad/s, deg/s, rpm, m/s^2, g_n, N, N m, mN m, V, A, 1"
+STRANGE = re.compile(r"[^\w\s*/^().+-]")  # would be left out without a word
 
 
 @cache
@@ -43,8 +47,12 @@ def _registry():
 
 
 def _quantity(text: str, where: str):
-    plain = text.replace("°", " deg").replace("·", "*").replace("\u03bc", "µ").strip()
+    plain = text.replace("°", " deg").replace("·", "*").replace("\u03bc", "µ").replace("%", "percent").strip()
     try:
+        if len(plain) > LONGEST or _is_tower(plain):
+            raise ValueError("too long, or a power of a power or beyond 9")
+        if strange := STRANGE.search(plain):
+            raise ValueError(f"no unit has '{strange[0]}'")
         return _registry().Quantity(plain) if plain not in ("1", "") else _registry().Quantity(1.0, "")
     except Exception as error:
         why = f" ({reason(error)})" if str(error) else ""
@@ -52,6 +60,13 @@ def _quantity(text: str, where: str):
             f"{where} is '{text}', which is not a unit{why}; allowed for example: {EXAMPLES}; "
             "declare the unit that the file uses"
         ) from None
+
+
+def _is_tower(text: str) -> bool:
+    """Whether a power has more than one digit or a power of its own: it would be evaluated for ever."""
+    powers = re.split(r"\*\*|\^", text)[1:]
+    nested = any(not power.strip("()+-0123456789. ") for power in powers[:-1])
+    return nested or not all(re.match(r"\s*\(?\s*[-+]?\d\s*\)?(?![\d.])", power) for power in powers)
 
 
 def factor(text: str, wanted: str | None, where: str, gain: str | None = None, per_rev: float | None = None) -> float:
@@ -84,6 +99,11 @@ def factor(text: str, wanted: str | None, where: str, gain: str | None = None, p
 def _mismatch(text: str, wanted: str, where: str, value, gain: str | None) -> str:
     got = f"{text!r}" + (f" (with its gain {value.units:~})" if gain else "")
     helps = "counts_per_rev" if "count" in str(value.units) else "gain"
+    if "percent" in str(value.units):
+        return (
+            f"{where}.unit is {got}, but the MJCF has this in {wanted!r}; say what one percent of the "
+            f"calibrated range is: `gain: 0.0157 {wanted}/percent`, if -100..100 stands for -1.57..1.57 {wanted}"
+        )
     return (
         f"{where}.unit is {got}, but the MJCF has this in {wanted!r}; allowed: any unit of the same dimension; "
         f"correct the unit, or declare the conversion with `{helps}`"

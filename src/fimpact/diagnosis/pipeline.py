@@ -16,6 +16,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording
 from fimpact.selection.forward import Explanation, explain
+from fimpact.selection.limits import Limits
 from fimpact.selection.search import Round
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.smoothing.prepare import Prepared, prepare
@@ -69,7 +70,10 @@ class Diagnosis:
 
 
 def diagnose(
-    recording: Recording, progress: Callable[[str], None] = lambda line: None, brief: bool = False
+    recording: Recording,
+    progress: Callable[[str], None] = lambda line: None,
+    brief: bool = False,
+    limits: Limits | None = None,
 ) -> Diagnosis:
     """Smooth, select, prove.
 
@@ -77,21 +81,22 @@ def diagnose(
         progress: receives one line at the start of each piece of work.
         brief: proves at the case's own horizon only and without the freed model, and leaves out the missing force of
             held-out runs: what no answer depends on.
+        limits: of what is asked for; None: of all.
     """
     progress("preparing the recordings")
     prepared = prepare(recording)
-    found = explain(prepared.track, prepared.begun, prepared.noise, list(EFFECTS.values()), progress)
+    found = explain(prepared.track, prepared.begun, prepared.noise, list(EFFECTS.values()), progress, limits)
     naive, best = Hypothesis(found.naive.theta), Hypothesis(found.final.theta, found.final.placed)
     models = {"naive": (prepared.track.simulator, naive), "improved": (prepared.track.simulator, best)}
     if recording.held_out:
         progress("proving on held-out runs")
     if recording.held_out and not brief:
         models["freed"] = fit_freed(prepared, found.naive.states)
-    proof = prove(prepared, models, own_only=brief)
+    proof = prove(prepared, models, own_only=brief, progress=progress)
     rows = parameter_rows(found.final, recording)
     effects = findings(found.final, found.main, rows, found.left.doubted)
     left = remainder(prepared, found, proof, brief)
-    notes = notes_on(prepared, found)
+    notes = [*notes_on(prepared, found), *found.unasked]
     answer = _answer(effects, left)
     members = _members(found, answer)
     missing = answer != NONE

@@ -1,7 +1,8 @@
 """The proof: held-out runs, used once, by forward simulation of the naive, the freed and the improved model."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -95,12 +96,15 @@ def horizons_of(recording: Recording) -> tuple[list[float], int]:
 
 
 def prove(
-    prepared: Prepared, models: Mapping[str, tuple[Simulator, Hypothesis]], own_only: bool = False
+    prepared: Prepared,
+    models: Mapping[str, tuple[Simulator, Hypothesis]],
+    own_only: bool = False,
+    progress: Callable[[str], None] = lambda line: None,
 ) -> Proof | None:
     """Measure errors of `models` on the held-out runs; None where none were held out.
 
     Args:
-        own_only: at the case's own horizon and no other.
+        own_only: at the case's own horizon and no other. progress: receives a line for each model and horizon.
     """
     recording, noise = prepared.track.recording, prepared.noise
     if not recording.held_out:
@@ -109,7 +113,10 @@ def prove(
     horizons, own = horizons_of(recording)
     horizons, own = ([horizons[own]], 0) if own_only else (horizons, own)
     begun = [(w, window_starts(w, starts)) for w in windows_of(recording, recording.held_out, horizons)]
-    fits = {n: [fit_windows(*model, *own, noise) for own in begun] for n, model in models.items()}
+    fits: dict[str, list[Fit]] = {name: [] for name in models}
+    for done, (name, own_windows) in enumerate(product(models, begun), 1):
+        fits[name].append(fit_windows(*models[name], *own_windows, noise))
+        progress(f"proving: {done} of {len(models) * len(begun)} horizons of all models simulated")
     found = {name: errors_of(own, recording.period) for name, own in _refined(models, fits).items()}
     alone, floor = unit_of(recording) == NOISE, floor_of(recording, noise)
     with np.errstate(over="ignore", invalid="ignore"):

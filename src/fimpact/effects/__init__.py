@@ -3,10 +3,13 @@
 An effect of one's own is a function and an `Effect` that names it; `EFFECTS[effect.name] = effect` adds it.
 """
 
-from fimpact.effects import actuation, contact, environment, friction, masses, sensing, structure, transmission
+from difflib import get_close_matches
+
+from fimpact.effects import actuation, contact, environment, friction, masses, sensing, servos, structure, transmission
 from fimpact.effects.base import Effect
 
-FAMILIES = (friction, transmission, actuation, masses, structure, environment, contact, sensing)
+FAMILIES = (friction, transmission, actuation, servos, masses, structure, environment, contact, sensing)
+LONGEST = 100  # letters of a name, beyond which the nearest takes long to find
 LAST = ("gravity_scale",)  # whoever cannot tell it from a scale of what is read should suspect that first
 _every = [effect for family in FAMILIES for effect in family.EFFECTS]
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in sorted(_every, key=lambda e: e.name in LAST)}
@@ -16,8 +19,10 @@ def get_effect(name: str) -> Effect:
     """The entry called `name`.
 
     Raises:
-        ValueError: no such entry; the message lists those that exist.
+        ValueError: no such entry; the message names the nearest.
     """
     if name not in EFFECTS:
-        raise ValueError(f"effect '{name}' not found; available: {', '.join(EFFECTS)}")
+        near = get_close_matches(name[:LONGEST], EFFECTS, 1)
+        meant = f"did you mean '{near[0]}'? " if near else ""
+        raise ValueError(f"effect '{name}' not found; {meant}`fimpact effects` lists all {len(EFFECTS)}")
     return EFFECTS[name]

@@ -9,7 +9,6 @@ from fimpact.effects.base import MOTOR, Coefficient, Effect, Signal
 from fimpact.effects.native import exporting
 from fimpact.effects.sites import ALL
 
-SERVO = "MuJoCo documentation, XML reference, actuator/position"
 CONSTANTS = "data sheets give torque constants and amplifier gains to 5 to 10 %"
 LATE = "buses and filters hold back by a few samples, at most some 50 ms"
 LEVELS = (0.3, 0.6, 0.8, 0.95, 0.99)  # of the largest force
@@ -30,18 +29,6 @@ def saturation(model, site, limit):
     low, high = model.actuator_forcerange[row] if model.actuator_forcelimited[row] else (-np.inf, np.inf)
     model.actuator_forcelimited[row] = True
     model.actuator_forcerange[row] = max(low, -limit), min(high, limit)
-
-
-def servo_kp(model, site, change):
-    """The gain on the position's error; the one on speed is kept."""
-    row = model.actuator(site).id
-    model.actuator_gainprm[row, 0] *= 1 + change
-    model.actuator_biasprm[row, :2] *= 1 + change
-
-
-def servo_kv(model, site, change):
-    """The gain on the speed; the one on the position's error is kept."""
-    model.actuator_biasprm[model.actuator(site).id, 2] *= 1 + change
 
 
 def command_delay(ctrl, signal: Signal, site, delay):
@@ -120,7 +107,7 @@ EFFECTS = (
         reference="Gautier, Briot, J. Dyn. Syst. Meas. Control 136(5), 2014",
         enters="model",
         coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
-        sites=sites.actuators,
+        sites=sites.proportioned,
         probes=lambda scales, model, site: [{"change": amounts.SMALL}],
         law=gain,
         neutral={"change": 0.0},
@@ -196,40 +183,6 @@ EFFECTS = (
         export=exporting(rotor_inertia),
         prior=lambda scales, model, site: {"inertia": 2 * amounts.inertia(scales, model, site)},
         prior_source="behind a gear of 100 a rotor outweighs its load; light joints have the motors of heavy ones",
-        order=MOTOR,
-    ),
-    Effect(
-        name="servo_kp",
-        family="actuation",
-        equation="τ = (1 + ε) kp (u − q) − kv q̇",
-        sentence="The servo holds its position more stiffly (or, ε < 0, less) than its gain in the model says.",
-        reference=SERVO,
-        enters="model",
-        coefficients=(Coefficient("change", "1", low=-0.9, high=9.0),),
-        sites=sites.servos,
-        probes=lambda scales, model, site: [{"change": amounts.SMALL}],
-        law=servo_kp,
-        neutral={"change": 0.0},
-        export=exporting(servo_kp),
-        prior=_to_a_share("change", 0.1),
-        prior_source=CONSTANTS,
-        order=MOTOR,
-    ),
-    Effect(
-        name="servo_kv",
-        family="actuation",
-        equation="τ = kp (u − q) − (1 + ε) kv q̇",
-        sentence="The servo brakes its own speed more (or, ε < 0, less) than its gain in the model says.",
-        reference=SERVO,
-        enters="model",
-        coefficients=(Coefficient("change", "1", low=-1.0, high=9.0),),
-        sites=sites.servos,
-        probes=lambda scales, model, site: [{"change": amounts.SMALL}],
-        law=servo_kv,
-        neutral={"change": 0.0},
-        export=exporting(servo_kv),
-        prior=_to_a_share("change", 0.1),
-        prior_source=CONSTANTS,
         order=MOTOR,
     ),
     Effect(

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-KINEMATICS = "kinematics"  # key of a memory that no law has kept
+KINEMATICS, MOTORS, HELD = "kinematics", "motors", "held"  # keys of a memory that no law has kept
 ENTERS = ("model", "force", "friction", "gear", "command", "measurement")
 SMALL = 0.02  # of a natural scale of the recording: probing amplitudes
 RIGID_BODIES, FRICTION, MOTOR, TRANSMISSION, SENSING, STRUCTURE, ENVIRONMENT = range(7)  # the order of suspicion
@@ -90,7 +90,7 @@ class State:
     @property
     def remembers(self) -> bool:
         """Whether a law has kept anything here."""
-        return bool(self.memory.keys() - {KINEMATICS})
+        return bool(self.memory.keys() - {KINEMATICS, MOTORS, HELD})
 
     def joint(self, site: str) -> tuple[int, np.ndarray, np.ndarray]:
         """Degree of freedom, position (n,) and speed (n,) of the hinge or slide joint `site`."""

@@ -28,6 +28,10 @@ TITLES = {
     "servo_kp": "position gain",
     "servo_kv": "speed gain",
     "saturation": "torque limit",
+    "target_resolution": "resolution of the target",
+    "supply_sag": "sagging supply",
+    "gravity_compensation": "gravity that firmware compensates",
+    "friction_compensation": "friction that firmware compensates",
     "cable_pull": "pull of a cable",
     "gravity_tilt": "tilt of the base",
     "gravity_scale": "size of gravity",
@@ -96,7 +100,7 @@ def _name(effect: Effect, kind: str, places: list[str]) -> str:
         return "rigid bodies" if len(places) > 1 else f"rigid body {places[0]}"
     if DRAGS in places[0]:
         return f"coupling of {' and '.join(sorted(places[0].split(DRAGS)))}"
-    if places == [WORLD]:
+    if places == [WORLD] or effect.sites in WHOLE:
         return title
     if places == [ALL]:
         return f"{title} of everything together"
@@ -133,7 +137,9 @@ def _pairs(model) -> set[str]:
 PLACES = {
     "body": (sites.bodies, sites.rounded),
     "base": (sites.standing,),
-    "motor": (sites.actuators, sites.commands, sites.prompt, sites.servos),
+    "motor": (sites.actuators, sites.proportioned, sites.commands, sites.prompt),
+    "servo": (sites.holding, sites.braking, sites.direct),
 }
-JOINTS = (sites.joints, sites.hinges, sites.driven, sites.encoded)
+WHOLE = (sites.powered, sites.weighed)  # one place, which the title tells
+JOINTS = (sites.joints, sites.hinges, sites.driven, sites.braked, sites.encoded)
 SENSORS = (sites.columns, sites.scalable, sites.sensors, sites.turnable)

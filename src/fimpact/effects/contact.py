@@ -127,6 +127,7 @@ def _boxes(model, site) -> list[tuple[int, int]]:
 
 
 def _with_edges(model, channels=()):
+    """Contacts of spheres, capsules and boxes that move."""
     return [site for site in sites.contacts(model) if _round(model, site) or _boxes(model, site)]
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import State
-from fimpact.effects.sites import drives
+from fimpact.effects.base import HELD, MOTORS, State
+from fimpact.effects.sites import driven, drives
 
 
 @dataclass(frozen=True)
@@ -57,11 +57,11 @@ class Ahead:
     def __call__(self, lead: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, ...]:
         """The force at these leads and rates, and by how much less it is for each unit more of either, (n,) each."""
         force = self.force + self.slopes[0] * lead + self.slopes[1] * rate
-        kept = _within(force, self.low, self.high)
+        kept = within(force, self.low, self.high)
         total = (self.gear * kept).sum(0) + self.held
-        given = _within(total, self.least, self.most)
-        within = self.gear * (kept == force)
-        less = ((given == total) * -(within * own).sum(0) for own in self.slopes)
+        given = within(total, self.least, self.most)
+        free = self.gear * (kept == force)
+        less = ((given == total) * -(free * own).sum(0) for own in self.slopes)
         return given, *(np.maximum(own, 0.0) for own in less)
 
 
@@ -70,8 +70,8 @@ def motor_force(state: State, site: str) -> np.ndarray:
     motor, (_, position, speed) = _motor(state, site), state.joint(site)
     total = np.zeros(len(position))
     for drive, _, force in _each(state, motor, position, speed):
-        total += drive.gear * _within(force, drive.low, drive.high)
-    return _within(total + _holding(state, motor, site), motor.low, motor.high)
+        total += drive.gear * within(force, drive.low, drive.high)
+    return within(total + _holding(state, motor, site), motor.low, motor.high)
 
 
 def is_servo(state: State, site: str) -> bool:
@@ -99,17 +99,34 @@ def ahead_of(state: State, site: str) -> Ahead:
     return Ahead(force, slopes, *(part.reshape(-1, 1) for part in (gear, low, high)), held, motor.low, motor.high)
 
 
+def driven_joints(state: State) -> list[str]:
+    """Joints that motors drive."""
+    known = state.memory.setdefault(MOTORS, {})
+    if "" not in known:
+        known[""] = driven(state.model)
+    return known[""]
+
+
+def position_servo(state: State, site: str) -> tuple[str, Drive]:
+    """The joint that actuator `site` drives, and what it is."""
+    known = state.memory.setdefault(MOTORS, {})
+    if ("servo", site) not in known:
+        row = state.model.actuator(site)
+        known["servo", site] = state.model.joint(row.trnid[0]).name, _drive(state.model, row.id)
+    return known["servo", site]
+
+
+def within(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Clip `values`, as np.clip does, which takes three times as long."""
+    return np.minimum(np.maximum(values, low), high)
+
+
 def _each(state: State, motor: Motor, position: np.ndarray, speed: np.ndarray):
     """Each actuator with its command and its force before limits, (n,) each."""
     for drive in motor.actuators:
-        command = _within(state.ctrl[:, drive.index], drive.least, drive.most)
+        command = within(state.ctrl[:, drive.index], drive.least, drive.most)
         force = _at(drive.gain, drive, position, speed) * command
         yield drive, command, force + _at(drive.bias, drive, position, speed)
-
-
-def _within(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    # As np.clip, which takes three times as long.
-    return np.minimum(np.maximum(values, low), high)
 
 
 def _holding(state: State, motor: Motor, site: str) -> np.ndarray | float:
@@ -128,9 +145,9 @@ def _at(factor: np.ndarray | float, drive: Drive, position: np.ndarray, speed: n
 
 def _held(state: State) -> np.ndarray:
     """Generalised forces, (n, nv), that hold bodies against gravity (gravcomp)."""
-    if "held" not in state.memory:  # making it takes longer than all that follows
-        state.memory["held"] = mujoco.MjData(state.model)
-    data, out = state.memory["held"], np.empty((len(state.qpos), state.model.nv))
+    if HELD not in state.memory:  # making it takes longer than all that follows
+        state.memory[HELD] = mujoco.MjData(state.model)
+    data, out = state.memory[HELD], np.empty((len(state.qpos), state.model.nv))
     for row, qpos in enumerate(state.qpos):
         data.qpos[:] = qpos
         mujoco.mj_kinematics(state.model, data)
@@ -142,10 +159,10 @@ def _held(state: State) -> np.ndarray:
 
 def _motor(state: State, site: str) -> Motor:
     # Asking a model takes longer than all that follows, and no law changes its actuators.
-    key = "motor", site
-    if key not in state.memory:
-        state.memory[key] = _asked(state.model, site)
-    return state.memory[key]
+    known = state.memory.setdefault(MOTORS, {})
+    if site not in known:
+        known[site] = _asked(state.model, site)
+    return known[site]
 
 
 def _asked(model: mujoco.MjModel, site: str) -> Motor:

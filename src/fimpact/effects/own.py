@@ -27,13 +27,21 @@ def load_effects(path: Path | str) -> list[str]:
     try:
         _run(path)
         added = _added(before)
-    except Exception as error:  # whatever the file does wrong is its author's to mend, and gets one line
+    except (Exception, SystemExit) as error:  # whatever the file does wrong is its author's to mend, and gets one line
         EFFECTS.clear()
         EFFECTS.update(before)
-        raise ValueError(f"{path}: {type(error).__name__}: {error}; run it with python to see where") from None
+        raise ValueError(f"{path}: {_said(error)}; run it with python to see where") from None
     if not added:
-        raise ValueError(f"{path} adds no effect; end it with EFFECTS[effect.name] = effect (README shows one)")
+        raise ValueError(
+            f"{path} adds no effect; end it with EFFECTS[effect.name] = effect, an Effect of fimpact.effects.base"
+        )
     return added
+
+
+def _said(error: BaseException) -> str:
+    if isinstance(error, SystemExit):
+        return "it ends the program (exit); it may only define effects"
+    return f"{type(error).__name__}: {error}"
 
 
 def _run(path: Path) -> None:

@@ -54,10 +54,46 @@ def standing(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     return [model.body(body).name for body in rising if model.body(body).name]
 
 
-def servos(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
-    """Actuators that feed back position and speed, each with a gain of its own."""
-    fed = np.all(model.actuator_biasprm[:, 1:3] != 0, axis=1) & (model.actuator_biastype == AFFINE[1])
-    return [name for name in actuators(model) if fed[model.actuator(name).id]]
+def holding(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Servos that hold a position."""
+    return [name for name in actuators(model) if _fed_back(model, name)[0]]
+
+
+def braking(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Servos with a gain on their speed."""
+    return [name for name in actuators(model) if _fed_back(model, name)[1]]
+
+
+def proportioned(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Actuators whose force has a scale beside the gain of a servo that has only one: motors, servos with two gains."""
+    return [name for name in actuators(model) if len(set(_fed_back(model, name))) == 1]
+
+
+def direct(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Servos that hold the position of a hinge or slide joint, without dynamics of their own or a limit at it."""
+    free = [joint for joint in joints(model) if not model.jnt_actfrclimited[model.joint(joint).id]]
+    owned = {i for joint in free for i in drives(model, joint) if model.actuator_gaintype[i] == PROPORTIONAL[0]}
+    return [name for name in holding(model) if name in prompt(model) and model.actuator(name).id in owned]
+
+
+def braked(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """Driven joints that have friction in the model."""
+    rubs = (model.dof_frictionloss > 0) | (model.dof_damping > 0)
+    return [name for name in driven(model) if rubs[model.joint(name).dofadr[0]]]
+
+
+def powered(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """The motors of all driven joints together, if those are hinges."""
+    found = driven(model)
+    return [ALL] if found and set(found) <= set(hinges(model)) else []
+
+
+def weighed(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
+    """The motors of all driven joints together, if there is gravity and nothing between them and the base is free."""
+    found = {model.joint(name).id for name in driven(model)}
+    roots = model.body_rootid[model.jnt_bodyid]
+    alike = set(np.flatnonzero(np.isin(roots, roots[list(found)])).tolist())
+    return [ALL] if found and alike == found and np.any(model.opt.gravity) else []
 
 
 def encoded(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
@@ -199,6 +235,13 @@ def round_geoms(model: mujoco.MjModel, body: int) -> list[int]:
     """Spheres and capsules of `body` that can touch something."""
     own = np.flatnonzero((model.geom_bodyid == body) & np.isin(model.geom_type, ROUND))
     return [int(i) for i in own if pairs_of(model, i) or partners(model, i)]
+
+
+def _fed_back(model, actuator: str) -> tuple[bool, bool]:
+    """Whether an actuator feeds back its position, and its speed."""
+    row = model.actuator(actuator).id
+    position, speed = model.actuator_biasprm[row, 1:3] * (model.actuator_biastype[row] == AFFINE[1]) != 0
+    return bool(position), bool(speed)
 
 
 def _flies(model, joint) -> bool:

@@ -11,6 +11,7 @@ from fimpact.effects.classes import DRIVE
 from fimpact.selection.begin import at_typical_sizes, begun, held_by, in_midst, with_held
 from fimpact.selection.exchange import Exchange, exchanges
 from fimpact.selection.leftover import Leftover, leftover
+from fimpact.selection.limits import Limits
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, has_servos, search, worth
@@ -45,10 +46,13 @@ class Explanation:
     scales: Scales
     missing: np.ndarray
     left: Leftover
+    unasked: tuple[str, ...] = ()
 
 
 class Search:
     """The state of a search: what is in, and what may still come."""
+
+    limits = Limits()
 
     def __init__(self, track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable):
         self.track, self.begun, self.noise, self.progress = track, begun, noise, progress
@@ -73,6 +77,11 @@ class Search:
     def spent(self) -> float:
         """Simulations of all samples so far."""
         return self.track.quanta
+
+    def asks(self) -> bool:
+        """Whether one more question may be asked."""
+        self.stopped = self.limits.over
+        return self.spent < BUDGET and not self.stopped
 
     def open(self, small: bool) -> list[Candidate]:
         """Candidates that are not in; small: refinements of what is, which wait for the second tier."""
@@ -132,12 +141,15 @@ class Search:
             return False
         regression = Regression(self.current, columns(self.current, tried))
         offered = options(self.track.model, self.track.recording.channels, tried)
-        offered = [option for option in offered if option.name not in self.failed]
+        offered = [option for option in self.limits.options(offered) if option.name not in self.failed]
         missing = self.left() if small else self.missing
         found = search(regression, offered, missing, REFINES if small else SHARE)
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
+        self.progress(
+            f"selecting: {len(offered)} options tried; {self.spent:.0f} of at most {BUDGET:.0f} simulations done"
+        )
         if found.chosen is None:
             self.rounds += [] if self.tries > 1 or self.rounds else [found]
             return not small and self.exchanged(regression, offered)
@@ -215,8 +227,10 @@ class Search:
         """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
         # The compound stands for many kinds, which are told apart by what they predict; others are by refits.
         rivals = [] if found.chosen.option.compound else found.rivals
-        tried = rivals[:RIVALS]
-        fits = [best] + [self.refitted(regression, trial) for trial, _ in tried]
+        tried, fits = rivals[:RIVALS], [best]
+        for trial, _ in tried:
+            fits.append(self.refitted(regression, trial))
+            self.progress(f"selecting: rival {len(fits) - 1} of {len(tried)} refitted, {trial.option.name}")
         spread = regression.dispersion
         losses = np.array([fit.loss(spread) if fit.converged else np.inf for fit in fits])
         losses = np.where(np.isfinite(losses), losses, np.inf)
@@ -276,18 +290,23 @@ class Search:
 
 
 def explain(
-    track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None
-) -> Explanation:
-    """Find what is missing: classes of physics first, then single odd effects, then small refinements of both."""
-    state = Search(track, begun, noise, effects, progress)
-    state.drive()
-    while state.spent < BUDGET and state.round():
+    track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
+    limits: Limits | None = None,
+) -> Explanation:  # fmt: skip
+    """Find what is missing: classes of physics first, then single odd effects, then small refinements of both, as far
+    as `limits` go."""
+    limits = limits or Limits()
+    state = Search(track, begun, noise, limits.effects(effects), progress)
+    state.limits = limits
+    if state.asks():
+        state.drive()
+    while state.asks() and state.round():
         pass
     main, state.misses = len(state.current.placed), 0
-    while main and state.spent < BUDGET and state.round(small=True):
+    while main and not limits.quick and state.asks() and state.round(small=True):
         pass
     final = state.current = state.simplified()
     return Explanation(
         state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
-        state.missing, leftover(final, state.missing),
+        state.missing, leftover(final, state.missing), limits.unasked(state.stopped),
     )  # fmt: skip

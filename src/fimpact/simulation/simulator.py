@@ -25,6 +25,7 @@ from fimpact.simulation.inputs import InputSignal
 from fimpact.simulation.model_pool import ModelPool
 from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
 from fimpact.simulation.windows import Windows
+from fimpact.visuals import without_visuals
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
 MOST_STEPS = 2_000_000  # simulated at once: what is kept of each takes memory
@@ -73,7 +74,7 @@ class Simulator:
 
     def __init__(self, recording: Recording, refine: int = 1):
         self.recording, self.refine = recording, refine
-        spec = recording.spec()
+        spec = without_visuals(recording.spec())
         spec.option.timestep /= refine
         self.base = editable(spec)
         _configure(self.base)

@@ -146,7 +146,8 @@ def smooth(
         if change > WORN:
             linear = None
         progress(
-            f"smoothing: step {k + 1}, readings move by {change:.2g} of their noise, numbers by {far:.2g} of their sd"
+            f"smoothing: step {k + 1} of at most {rounds + len(anneal)}, readings move by {change:.2g} of their noise, "
+            f"numbers by {far:.2g} of their sd"
         )
         if k >= len(anneal) and max(change, shift / FAR, far / FAR) < STILL:
             converged = True
