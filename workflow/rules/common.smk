@@ -41,8 +41,8 @@ RIGS = ["quiet"] + [
     f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
 CASE = (
-    "__init__ angles arrays case channels checks errors kinds kinematics load misreadings model motion physics quaternions readers ros runs "
-    "rows sensors sources start ties timebase units"
+    "__init__ angles arrays case channels checks errors kinds kinematics load misreadings model motion physics "
+    "quaternions readers ros rows runs sensors sources start ties timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()
