@@ -184,6 +184,11 @@ def test_an_honest_model_error_is_no_wrong_convention(seed, servo, tmp_path):
     assert read_case(path).runs
 
 
+def test_a_joint_that_hardly_moves_decides_nothing(tmp_path):
+    xml, used = robots.arm(10, 3, servo=True), ["q0", "q1", "q2"]
+    assert read_case(robots.write(tmp_path, xml, used, {f"m{i}": "rad" for i in range(3)}, {})).runs
+
+
 def test_a_late_sensor_is_said_and_read(tmp_path):
     xml, used, units = ROBOTS["two"]
     late = shifted(0.04, *GYRO)

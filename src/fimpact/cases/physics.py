@@ -83,10 +83,17 @@ def _left(log: Log, balances, joints: list[np.ndarray], readings: tuple[Reading,
         alike.setdefault(misread(reading).positions, []).append(misread(reading))
 
     @cache
+    def moving(group: int) -> list[np.ndarray]:
+        """Joints that move as declared: under every reading the same are compared."""
+        balance = balances(Positions(), group, SMOOTHERS[1], True)
+        power = [np.sum(balance.own[:, dofs] ** 2) for dofs in joints]
+        return [dofs for dofs, size in zip(joints, power, strict=True) if size > 1e-9 * max(power) > 0]
+
+    @cache
     def all_left(positions: Positions, group: int) -> dict[Misreading, Left]:
-        first = _found(log, balances, joints, group, positions, alike[positions], quick=True)
+        first = _found(log, balances, moving(group), group, positions, alike[positions], quick=True)
         hopeful = [one for one, left in first.items() if left.share < HOPEFUL or not one.doubt]
-        closer = _found(log, balances, joints, group, positions, hopeful, quick=False) if hopeful else {}
+        closer = _found(log, balances, moving(group), group, positions, hopeful, quick=False) if hopeful else {}
         return first | {one: left for one, left in closer.items() if left is not NOTHING}
 
     return lambda reading, group: all_left(misread(reading).positions, group)[misread(reading)]
@@ -97,7 +104,7 @@ def _found(log: Log, balances, joints, group: int, positions: Positions, reading
     out = dict.fromkeys(readings, NOTHING)
     for width in SMOOTHERS[1:2] if quick else SMOOTHERS:
         balance = balances(positions, group, width, quick)
-        if len(balance.rows) >= FEWEST:
+        if joints and len(balance.rows) >= FEWEST:
             commands = _commands(log, group, readings, LATE[:1] if quick or not log.model.nu else LATE)
             found = _unbalanced(balance, commands, joints, readings, CAPS[1:] if quick else CAPS)
             out = {reading: least([out[reading], one]) for reading, one in zip(out, found, strict=True)}
@@ -112,12 +119,8 @@ def _commands(log: Log, group: int, readings: list[Misreading], delays: tuple[fl
     return np.array([[reading.commands(ctrl) for reading in readings] for ctrl in late])
 
 
-def _unbalanced(balance: Balance, commands: np.ndarray, joints: list[np.ndarray], readings: list[Misreading], caps):
+def _unbalanced(balance: Balance, commands: np.ndarray, moving: list[np.ndarray], readings: list[Misreading], caps):
     """What each reading leaves at the delay and the cap that suit it: the mean of all joints, whose units differ."""
-    power = [np.sum(balance.own[:, dofs] ** 2) for dofs in joints]
-    moving = [dofs for dofs, size in zip(joints, power, strict=True) if size > 1e-9 * max(power) > 0]
-    if not moving:
-        return [NOTHING] * len(readings)
     ctrl = commands[:, :, balance.rows]
     for index, reading in enumerate(readings):
         if reading.unsigned is not None:
