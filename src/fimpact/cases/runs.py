@@ -22,7 +22,7 @@ FEWEST = 8  # samples of a run
 class Sampled:
     """Series of one run: of each command (nu) and of each component of each channel (ny; None where it has none).
 
-    notes: about how it was read. period: of the rows of the quickest channel, s, whether or not they were read anew, for
+    notes: about how it was read. period: of the rows of the quickest channel, s, whether or not they were read anew:
     the commands between them count.
     """
 
