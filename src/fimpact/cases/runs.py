@@ -22,12 +22,17 @@ PERIODS = (1e-7, 100.0)  # s between samples
 
 @dataclass(frozen=True)
 class Sampled:
-    """Series of one run: of each command (nu) and of each component of each channel (ny; None where it has none)."""
+    """Series of one run: of each command (nu) and of each component of each channel (ny; None where it has none).
+
+    notes: about how it was read. period: of the rows of the quickest channel, s, whether or not they were read anew:
+    the commands between them count.
+    """
 
     source: Source
     commands: list[Series]
     measured: list[Series | None]
     notes: tuple[str, ...] = ()
+    period: float = 0.0
 
 
 def sample(
@@ -56,7 +61,8 @@ def sample(
     low, high = origin + source.start, origin + source.stop
     cut = [one and _cut(one, low, high, source.where) for one in (*ctrl, *seen)]
     fresh, notes = _refreshed(channels, cut[len(ctrl) :])
-    return Sampled(source, cut[: len(ctrl)], fresh, notes)
+    period = min(one.period for one in cut[len(ctrl) :] if one)
+    return Sampled(source, cut[: len(ctrl)], fresh, notes, period)
 
 
 def _refreshed(channels: list[Channel], seen: list[Series | None]):
