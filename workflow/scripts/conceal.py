@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact import tables
+from fimpact import drafts
 from fimpact.concealed.plan import plan
 from fimpact.concealed.referee import conceal
 from fimpact.concealed.rows import as_lines
@@ -17,4 +17,4 @@ params, output = snakemake.params, snakemake.output
 with logged(snakemake.log[0]) as progress:
     cases = [case for case in plan(params.settings) if case.name in params.cases]
     rows = conceal(cases, params.settings, Path(output.recordings), Path(output.sealed), progress)
-    tables.write_text(as_lines(rows), output.made)
+    drafts.write_text(as_lines(rows), output.made)

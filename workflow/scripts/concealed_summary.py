@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import tables
+from fimpact import drafts, tables
 from fimpact.concealed import measures
 from fimpact.progress import logged
 
@@ -12,4 +12,4 @@ if TYPE_CHECKING:
 with logged(snakemake.log[0]):
     cases = measures.read_cases(snakemake.input.cases)
     tables.write(measures.to_table(cases), snakemake.output.table)
-    tables.write_text(measures.to_markdown(cases), snakemake.output.text)
+    drafts.write_text(measures.to_markdown(cases), snakemake.output.text)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact import tables
+from fimpact import drafts, tables
 from fimpact.concealed.blind import diagnose_part
 from fimpact.concealed.rows import as_lines
 from fimpact.progress import logged
@@ -14,4 +14,4 @@ if TYPE_CHECKING:
 with logged(snakemake.log[0]) as progress:
     rows, commands = diagnose_part(Path(snakemake.input.recordings), progress)
     tables.write_arrays(commands, snakemake.output.commands)
-    tables.write_text(as_lines(rows), snakemake.output.diagnoses)
+    drafts.write_text(as_lines(rows), snakemake.output.diagnoses)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import tables
+from fimpact import drafts
 from fimpact.progress import logged
 from fimpact.reach import run_identifiability
 
@@ -11,4 +11,4 @@ if TYPE_CHECKING:
 
 with logged(snakemake.log[0]):
     text = run_identifiability(snakemake.params.config, snakemake.wildcards.system)
-    tables.write_text(text, snakemake.output[0])
+    drafts.write_text(text, snakemake.output[0])

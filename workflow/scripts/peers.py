@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact import tables
+from fimpact import drafts
 from fimpact.concealed.peers import compare_part
 from fimpact.concealed.rows import as_lines
 from fimpact.progress import logged
@@ -14,4 +14,4 @@ if TYPE_CHECKING:
 with logged(snakemake.log[0]) as progress:
     params = snakemake.params
     rows = compare_part(Path(snakemake.input.recordings), params.compared, params.refitted, progress)
-    tables.write_text(as_lines(rows), snakemake.output[0])
+    drafts.write_text(as_lines(rows), snakemake.output[0])

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import rig_summary, tables
+from fimpact import drafts, rig_summary, tables
 from fimpact.progress import logged
 
 if TYPE_CHECKING:
@@ -15,4 +15,4 @@ with logged(snakemake.log[0]):
     summary = rig_summary.summarise(dict(zip(rigs, files.diagnoses, strict=True)), compared)
     tables.write(summary, output.summary)
     tables.write(rig_summary.gather(compared), output.peers)
-    tables.write_text(rig_summary.to_markdown(summary), output.text)
+    drafts.write_text(rig_summary.to_markdown(summary), output.text)

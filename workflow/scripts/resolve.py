@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fimpact import tables
+from fimpact import drafts
 from fimpact.concealed.blind import resolve_part
 from fimpact.concealed.rows import as_lines
 from fimpact.progress import logged
@@ -17,4 +17,4 @@ files = snakemake.input
 
 with logged(snakemake.log[0]) as progress, np.load(files.commands) as commands, np.load(files.revealed) as played:
     rows = resolve_part(Path(files.recordings), files.diagnoses, dict(commands), dict(played), progress)
-    tables.write_text(as_lines(rows), snakemake.output[0])
+    drafts.write_text(as_lines(rows), snakemake.output[0])

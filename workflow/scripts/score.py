@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact import tables
+from fimpact import drafts
 from fimpact.concealed.rows import as_lines
 from fimpact.concealed.score import score_part
 from fimpact.progress import logged
@@ -16,4 +16,4 @@ files = snakemake.input
 with logged(snakemake.log[0]) as progress:
     told = {stage: Path(files[stage]) for stage in ("conceal", "diagnosis", "resolved", "peers")}
     rows = score_part(Path(files.recordings), Path(files.sealed), told, snakemake.params.compared, progress)
-    tables.write_text(as_lines(rows), snakemake.output[0])
+    drafts.write_text(as_lines(rows), snakemake.output[0])

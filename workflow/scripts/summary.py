@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import summary, tables
+from fimpact import drafts, summary, tables
 from fimpact.progress import logged
 
 if TYPE_CHECKING:
@@ -18,4 +18,4 @@ with logged(snakemake.log[0]):
     tables.write(table, output.summary)
     tables.write(coverage, output.coverage)
     tables.write(summary.reduction_curve(tables.read(files.sweep)), output.curve)
-    tables.write_text(summary.to_markdown(table) + "\n" + summary.coverage_to_markdown(coverage), output.text)
+    drafts.write_text(summary.to_markdown(table) + "\n" + summary.coverage_to_markdown(coverage), output.text)
