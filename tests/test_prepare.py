@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from recorded import ROD, record, waves
 
+from fimpact.effects.sites import can_touch, contacts
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
 from fimpact.smoothing.response import Response
@@ -118,3 +119,13 @@ def test_a_step_is_as_fine_as_its_error_asks_for():
     made = [prepare(record(xml, ("angle",), commands, 1e-5)) for xml in (ROD, servo)]
     refines = [own.track.simulator.refine for own in made]
     assert refines[0] < refines[1] <= FINEST
+
+
+@pytest.mark.parametrize(("height", "apart"), [(1.0, True), (0.2, False)])
+def test_what_touches_nothing_is_smoothed_apart_and_proved_with_all_that_may_touch(height, apart):
+    starts = [([0, 0, height, 1, 0, 0, 0], [0.3, 0, 0, 0, 0, 0])]
+    seen = tuple(f"place[{i}]" for i in range(3))
+    made = prepare(record(BALL, seen, [np.zeros((30, 0))], 5e-4, starts=starts, fine=5))
+    assert made.track.simulator.apart == apart and not made.simulator.apart
+    assert can_touch(made.track.model) != apart and can_touch(made.simulator.base)
+    assert bool(contacts(made.track.model)) != apart

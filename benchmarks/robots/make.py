@@ -18,13 +18,14 @@ import pandas as pd
 import yaml
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "rigs"))
-from exact import make_exact, simulate  # noqa: E402
-from folder import multisine  # noqa: E402
+from exact import make_exact, simulate
+from folder import multisine
 
 COUNTS = 4096  # of the bus servos' encoders, per turn
 SAMPLES = {"so101": 1000, "ur5e": 2500}
 PERIODS = {"so101": 0.02, "ur5e": 0.008}  # s
 RUNS = ("monday", "tuesday", "wednesday")
+HOME = {"so101": (0.0,) * 6, "ur5e": (-1.5708, -1.5708, 1.5708, -1.5708, -1.5708, 0.0)}  # rad
 DROPPED = ("dof_damping", "dof_frictionloss", "dof_armature")
 
 
@@ -109,9 +110,9 @@ def record(robot: str, truth: mujoco.MjModel, late: float, rng: np.random.Genera
     time, targets, held = np.arange(samples) * period, [], round(late / period)
     for j in range(truth.nu):
         low, high = truth.actuator_ctrlrange[j]
-        reach = min(0.6, 0.4 * (high - low))
+        reach = min(0.6, 0.3 * (high - low))
         rates = np.r_[rng.uniform(0.05, 0.25, 2), rng.uniform(0.3, 0.8, 2)]
-        middle = 0.0 if robot == "so101" and truth.actuator(j).name != "gripper" else np.clip(HOME.get(j, 0.5), low, high)
+        middle = np.clip(HOME[robot][j], low + 1.2 * reach, high - 1.2 * reach)
         targets.append(middle + reach * multisine(time, rates, np.array([0.5, 0.3, 0.25, 0.15]), rng))
     targets = np.stack(targets, 1)
 
@@ -121,9 +122,6 @@ def record(robot: str, truth: mujoco.MjModel, late: float, rng: np.random.Genera
     qpos = targets[0].copy()
     states, _ = simulate(truth, qpos, control, period, samples, settle=100)
     return time, targets, states[:, : truth.nq]
-
-
-HOME = dict(enumerate((-1.5708, -1.5708, 1.5708, -1.5708, -1.5708, 0.0)))  # of the UR5e, rad
 
 
 def write(name: str, robots: Path, out: Path, seed: int) -> None:

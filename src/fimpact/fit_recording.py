@@ -72,7 +72,7 @@ def fit_recording(
             f"the fit with {', '.join(names)} does not converge: the training runs of {case} show nothing of it that "
             "the unknowns would not do as well, or it diverges; leave out one of them"
         )
-    simulator, hypotheses = prepared.track.simulator, [Hypothesis(fit.theta, fit.placed) for fit in (naive, best)]
+    simulator, hypotheses = prepared.simulator, [Hypothesis(fit.theta, fit.placed) for fit in (naive, best)]
     progress("proving on held-out runs")
     proof = prove(
         prepared, {n: (simulator, h) for n, h in zip(("naive", "improved"), hypotheses, strict=True)}, False, progress

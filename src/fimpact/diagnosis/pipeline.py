@@ -56,7 +56,7 @@ class Diagnosis:
     @property
     def simulator(self) -> Simulator:
         """Simulates the training runs' model."""
-        return self.prepared.track.simulator
+        return self.prepared.simulator
 
     @property
     def answer_set(self) -> list[str]:
@@ -87,7 +87,7 @@ def diagnose(
     prepared = prepare(recording)
     found = explain(prepared.track, prepared.begun, prepared.noise, list(EFFECTS.values()), progress, limits)
     naive, best = Hypothesis(found.naive.theta), Hypothesis(found.final.theta, found.final.placed)
-    models = {"naive": (prepared.track.simulator, naive), "improved": (prepared.track.simulator, best)}
+    models = {"naive": (prepared.simulator, naive), "improved": (prepared.simulator, best)}
     if recording.held_out:
         progress("proving on held-out runs")
     if recording.held_out and not brief:

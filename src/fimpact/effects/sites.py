@@ -8,6 +8,7 @@ import numpy as np
 ALL, WORLD = "all", "world"
 DRAGS = "<-"  # between a joint and the neighbour that drags it
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 ROUND = (int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
@@ -127,12 +128,16 @@ def bodies(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
 
 def grounds(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """Geoms fixed to the world that something moving can touch; meshes, whose frame MuJoCo moves, are left out."""
+    if not can_touch(model):
+        return []
     fixed = np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & (model.geom_type != MESH))
     return [model.geom(i).name for i in fixed if model.geom(i).name and (pairs_of(model, i) or partners(model, i))]
 
 
 def contacts(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """Contact pairs, and the grounds that stand for several pairs or for contacts that no pair lists."""
+    if not can_touch(model):
+        return []
     named = [model.pair(i).name for i in range(model.npair)]
     ids = {name: model.geom(name).id for name in grounds(model)}
     many = [name for name, i in ids.items() if len(pairs_of(model, i)) > 1 or partners(model, i)]
@@ -214,6 +219,8 @@ def drives(model: mujoco.MjModel, joint: str) -> list[int]:
 
 def can_touch(model: mujoco.MjModel) -> bool:
     """Whether anything in it may come into contact."""
+    if model.opt.disableflags & NO_CONTACT:
+        return False
     return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
 
 
@@ -233,6 +240,8 @@ def partners(model: mujoco.MjModel, geom: int) -> list[int]:
 
 def round_geoms(model: mujoco.MjModel, body: int) -> list[int]:
     """Spheres and capsules of `body` that can touch something."""
+    if not can_touch(model):
+        return []
     own = np.flatnonzero((model.geom_bodyid == body) & np.isin(model.geom_type, ROUND))
     return [int(i) for i in own if pairs_of(model, i) or partners(model, i)]
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import stats
 
 from fimpact.deciding import BELIEF, P_ALARM, TIED, UNLIKELY
+from fimpact.effects.sites import measured_by
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, chance
 from fimpact.smoothing.smoother import inverse_of_push
@@ -24,7 +25,8 @@ class Trial:
 
     p: chance of its gain over all that was tried. gain, error: predicted on stretches that were not fitted, in squared
     innovations, with what is nearer to the priors, and its standard error. share, place: largest share of the missing
-    force that it takes away, and the degree of freedom where. errors: (stretches,) squared innovations left. places:
+    force that it takes away (of all that is not predicted, where it is no force), and the degree of freedom where.
+    errors: (stretches,) squared innovations left. places:
     ``effect@site`` of what is kept.
     """
 
@@ -135,9 +137,20 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
     relief = regression.tension(now) - regression.tension(found)
     share = 1.0 if relief > better.sum() and relief > 0 else float(taken[place])
+    if all(_is_no_force(regression, i) for i in option.members):
+        share = max(share, float(better.sum() / errors.sum()))
     error = float(better.std() * np.sqrt(len(better)))
     places = places_of(regression, found)
     return Trial(option, found, p, float(better.sum()) + relief, error, share, place, left, places)
+
+
+def _is_no_force(regression: Regression, member: int) -> bool:
+    """Whether a candidate is an error of sensors of force or acceleration: the trajectory does not follow those, and so
+    it shows in what is not predicted, not in the missing force."""
+    candidate, track = regression.columns.candidates[member], regression.smoothed.track
+    if candidate.effect.enters != "measurement":
+        return False
+    return bool(track.late[measured_by(track.recording.channels, candidate.site)].all())
 
 
 def backward(regression: Regression, before: Estimate, found: Estimate) -> Estimate:

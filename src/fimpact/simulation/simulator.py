@@ -18,6 +18,7 @@ from mujoco.rollout import Rollout
 
 from fimpact.effects.base import Placed, Signal, State
 from fimpact.effects.native import editable
+from fimpact.effects.sites import NO_CONTACT
 from fimpact.quiet import hush
 from fimpact.recordings import FIELDS, Recording
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
@@ -70,14 +71,15 @@ def threads() -> int:
 
 
 class Simulator:
-    """Predicts what the channels of `recording` read, at its time step divided by `refine`."""
+    """Predicts what the channels of `recording` read, at its time step divided by `refine`; apart: nothing touches."""
 
-    def __init__(self, recording: Recording, refine: int = 1):
-        self.recording, self.refine = recording, refine
+    def __init__(self, recording: Recording, refine: int = 1, apart: bool = False):
+        self.recording, self.refine, self.apart = recording, refine, apart
         spec = without_visuals(recording.spec())
         spec.option.timestep /= refine
         self.base = editable(spec)
         _configure(self.base)
+        self.base.opt.disableflags |= NO_CONTACT * apart
         self.substeps = max(1, round(recording.period / self.base.opt.timestep))
         self.base.opt.timestep = recording.period / self.substeps
         # What MuJoCo does to a contact that is too quick for its time step (refsafe) belongs to the model: finer steps

@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from fimpact.recordings import Recording, Run
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.starts import measured_motion, noise_level
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track, refined
@@ -18,6 +20,12 @@ class Prepared:
     track: Track
     begun: States
     noise: np.ndarray
+
+    @cached_property
+    def simulator(self) -> Simulator:
+        """Simulates the model with all that may touch."""
+        own = self.track.simulator
+        return Simulator(own.recording, own.refine) if own.apart else own
 
 
 def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> Prepared:

@@ -14,7 +14,7 @@ from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut
-from fimpact.smoothing.laws import DRY, force_of, reading_of
+from fimpact.smoothing.laws import DRY, force_of, reading_of, touching
 from fimpact.smoothing.rubbing import Rubbing, rubbing
 from fimpact.smoothing.states import States, Tangent, tangent
 
@@ -251,19 +251,25 @@ def refined(
 ) -> tuple[Track, States]:
     """The track at a time step whose error moves no reading, and the states to begin with.
 
+    Where nothing touches along the measured motion, nothing is simulated that might: looking for contacts of meshes
+    takes longer than all else, and their time step is fine.
+
     Args:
         begin: of a track, the states that the measurements show. refine: parts of the model's step, 0: as needed.
     """
     if refine:
         track = Track(Simulator(recording, refine), runs)
         return _in_contact(track), begin(track)
-    refine, track, states = 1, None, None
+    refine, track, states, apart = 1, None, None, False
     while True:
-        finer = Track(Simulator(recording, refine), runs)
+        finer = Track(Simulator(recording, refine, apart), runs)
         if finer.simulator.substeps < 2:
             refine *= 2
             continue
-        states = begin(finer) if states is None else states
+        if states is None:
+            states = begin(finer)
+            apart = can_touch(finer.model) and not touching(finer, states).any()
+            finer = Track(Simulator(recording, refine, apart), runs) if apart else finer
         if track is not None and _error(track, finer, states, noise) < DOUBT:
             return _in_contact(track), states
         track, refine = finer, 2 * refine
