@@ -9,7 +9,7 @@ import pytest
 from concealed_cases import cases
 from conftest import ROOT, marked
 
-from fimpact import tables
+from fimpact import drafts, tables
 from fimpact.concealed import measures
 from fimpact.concealed.confusion import named
 from fimpact.concealed.figures import APART, FIGURES, _bins
@@ -201,7 +201,7 @@ def test_a_failed_case_is_a_row(tmp_path):
 
 
 def test_a_part_without_a_case_is_empty(tmp_path):
-    tables.write_text(as_lines([]), tmp_path / "rows.jsonl")
+    drafts.write_text(as_lines([]), tmp_path / "rows.jsonl")
     assert read_rows(tmp_path / "rows.jsonl") == {}
 
 
