@@ -19,13 +19,15 @@ NOTHING = "nothing"  # in place of an effect
 @dataclass(frozen=True)
 class Exchange:
     """An option in place of the effect number `place`; weight: its marginal likelihood beside that of what is in;
-    sure: whether it has fewer numbers, or predicts stretches better that were not fitted, beyond chance."""
+    sure: whether it has fewer numbers, or predicts stretches better that were not fitted, beyond chance;
+    better: by how much it does, in squared innovations."""
 
     place: int
     option: Option
     estimate: Estimate
     weight: float
     sure: bool
+    better: float
 
 
 def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchange]:
@@ -47,9 +49,8 @@ def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchang
                 if not option.members and better.sum() > -spread:  # what is in is not sure to be worth anything
                     weight = max(weight, 1.0)
                 simpler = len(base) + len(columns) < regression.p
-                best[place, option.name] = Exchange(
-                    place, option, found, weight, bool(simpler or better.sum() > spread)
-                )
+                sure = bool(simpler or better.sum() > spread)
+                best[place, option.name] = Exchange(place, option, found, weight, sure, float(better.sum()))
     return sorted(best.values(), key=lambda e: -e.weight)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from fimpact.deciding import P_ALARM, SHARE, UNLIKELY
 from fimpact.effects.base import Coefficient, Effect
 from fimpact.effects.sites import ON_JOINT
-from fimpact.selection.exchange import exchanges
+from fimpact.selection.exchange import NOTHING, exchanges
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import search
@@ -29,7 +29,8 @@ KNOTS = 8  # of a smooth function, from the least to the most of what it follows
 @dataclass(frozen=True)
 class Leftover:
     """What is left without a name. dof, follows: where, and what it follows there, None: nothing smooth. share: of the
-    squared force that was missing there. doubted: names (``effect@site``) that such a function beats."""
+    squared force that was missing there. doubted: names (``effect@site``) that explain less than half
+    of what such a function does."""
 
     dof: int | None
     follows: str | None
@@ -43,7 +44,11 @@ def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
     regression = Regression(fit, columns(fit, tried))
     offered = [Option(own.name, 0, (i,)) for i, own in enumerate(tried)]
     best = next((t for t in search(regression, offered, missing, SHARE).tried if _shows(t)), None)
-    stronger = {e.place for e in exchanges(regression, offered) if e.sure and e.weight * UNLIKELY > 1}
+    others = exchanges(regression, offered)
+    worth = {e.place: -e.better for e in others if e.option.name == NOTHING}
+    likelier = [e for e in others if e.option.name != NOTHING and e.sure and e.weight * UNLIKELY > 1]
+    # No named law is exact: it is doubted where it explains less than half of what a smooth function does.
+    stronger = {e.place for e in likelier if e.better > worth[e.place]}
     doubted = tuple(fit.placed[place].name for place in sorted(stronger))
     if best is None:
         return Leftover(None, None, 0.0, doubted)
