@@ -236,7 +236,8 @@ class Search:
         losses = np.where(np.isfinite(losses), losses, np.inf)
         weights = np.exp(losses.min() - losses) if np.isfinite(losses.min()) else np.ones(len(fits))
         as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
-        first = min(as_good, key=lambda i: (len(fits[i].numbers), i))
+        orders = [found.chosen.option.order, *(trial.option.order for trial, _ in tried)]
+        first = min(as_good, key=lambda i: (len(fits[i].numbers), orders[i], i))
         found = [(fit.placed, fit.theta, w) for fit, w in zip(fits, weights, strict=True)]
         # Where there was no refit, or none that converged, stands what the regression says.
         told = weights[0] if np.isfinite(losses[0]) else weights[first]
