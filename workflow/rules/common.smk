@@ -42,8 +42,8 @@ RIGS = ["quiet"] + [
 ]
 CASE = (
     "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics lerobot load "
-    "misreadings model motion physics plausible quaternions readers ros rows runs sensors sources start texts "
-    "ties timebase units"
+    "misreadings model motion physics plausible quaternions readers ros rows runs sensor_ties sensors servo_ties "
+    "sources start texts ties timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()

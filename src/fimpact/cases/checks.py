@@ -10,10 +10,12 @@ from fimpact.cases import kinds, rows
 from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
 from fimpact.cases.exchanged import exchange_ties
-from fimpact.cases.kinematics import Log, placed, sensor_ties, servo_ties, speed_ties
+from fimpact.cases.kinematics import Log, speed_ties
 from fimpact.cases.physics import dynamics_ties
 from fimpact.cases.readers import Column
 from fimpact.cases.runs import FEWEST, Sampled
+from fimpact.cases.sensor_ties import placed, sensor_ties
+from fimpact.cases.servo_ties import servo_ties
 from fimpact.cases.sources import Source, find
 from fimpact.cases.ties import DECLARED, MODEL_ERROR, ODDS, doubt, far_better, note
 from fimpact.recordings import Recording

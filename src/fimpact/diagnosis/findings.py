@@ -18,7 +18,7 @@ from fimpact.smoothing.smoother import Smoothed
 from fimpact.units import channel_unit
 
 CERTAIN, POSSIBLE, SLIGHT = "certain", "possible", "small"
-NAMELESS = "what it explains follows a smooth function better, so that something else may stand behind it"
+NAMELESS = "a smooth function explains more than twice as much, so that something else may stand behind it"
 NO_FIT, HOLDS_NOTHING, SLIM = "the fit did not converge", "its interval holds nothing", "it is next to nothing"
 UNSEEN = (NAMELESS, NO_FIT, HOLDS_NOTHING, SLIM)
 RUNS = 2  # more than there are numbers: from there the spread from run to run is known

@@ -196,7 +196,8 @@ class Search:
                 return True
             others.remove(other)
         known = {frozenset(p.name for p in a.placed) for a in self.alternatives}
-        for other in [e for e in others if e.option.members]:
+        # What would be far likelier, and is not borne out by stretches that were not fitted, was followed too far.
+        for other in [e for e in others if e.option.members and e.weight < np.exp(TIED)]:
             own, _, theta = self.begun_with(regression, other, other.place)
             if frozenset(p.name for p in own) not in known:
                 self.alternatives.append(Alternative(own, theta, min(other.weight, 1.0)))
