@@ -5,11 +5,13 @@ from functools import cache
 import numpy as np
 import pytest
 from recorded import ROD, arm, record, rod, waves
+from test_prepare import BALL
 
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
 from fimpact.selection.leftover import Leftover, leftover, smooth_functions
+from fimpact.smoothing.levels import CHANGE
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 
@@ -69,3 +71,20 @@ def test_a_smooth_function_is_one_everywhere_where_its_weights_are():
 
     own = tried["position"]
     np.testing.assert_allclose(own.effect.law(State(), own.site, **dict.fromkeys(own.names, 2.0)), 2.0)
+
+
+def test_what_an_impact_leaves_is_not_said_to_be_left():
+    starts = [([0, 0, 0.2, 1, 0, 0, 0], [0.3, 0, 0, 0, 0, 0])]
+    seen = tuple(f"place[{i}]" for i in range(3))
+    made = prepare(record(BALL, seen, [np.zeros((60, 0))], 5e-4, starts=starts, fine=5))
+    fit = smooth(made.track, made.begun, made.noise)
+    begins_or_ends = fit.levels.mode == CHANGE
+    assert begins_or_ends.any() and not begins_or_ends.all()
+
+    class State:
+        def on_joint(self, dof, force):
+            return force
+
+    for own in smooth_functions(fit):
+        told = own.effect.law(State(), own.site, **dict.fromkeys(own.names, 1.0))
+        assert not told[begins_or_ends].any() and told[~begins_or_ends].any(), own.name

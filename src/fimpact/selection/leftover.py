@@ -20,6 +20,7 @@ from fimpact.selection.regression import Regression
 from fimpact.selection.search import search
 from fimpact.smoothing.columns import Candidate, columns
 from fimpact.smoothing.laws import expected_sign, middle, predicted_commands, speed_doubt
+from fimpact.smoothing.levels import CHANGE
 from fimpact.smoothing.smoother import Smoothed
 
 FREE = mujoco.mjtJoint.mjJNT_FREE
@@ -61,14 +62,15 @@ def _shows(trial) -> bool:
 
 
 def smooth_functions(fit: Smoothed) -> list[Candidate]:
-    """Hat functions of all that may be followed, alone and against the motion."""
+    """Hat functions of all that may be followed, alone and against the motion; nothing while a contact begins or ends,
+    where what is missing is what an impact within a sample leaves."""
     states, doubt = fit.states, speed_doubt(fit.track, fit.states, fit.doubt)
     against = -expected_sign(middle(fit.track, states)[1], doubt)
-    found = []
+    found, calm = [], 1.0 * (fit.levels.mode != CHANGE)
     for dof, what, values in _followed(fit):
-        found.append(_smooth(fit, dof, what, values, np.ones(len(values))))
+        found.append(_smooth(fit, dof, what, values, calm))
         if what != "speed":
-            found.append(_smooth(fit, dof, f"friction with {what}", values, against[:, dof]))
+            found.append(_smooth(fit, dof, f"friction with {what}", values, calm * against[:, dof]))
     return [own for own in found if own]
 
 
