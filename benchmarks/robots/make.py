@@ -22,7 +22,7 @@ from exact import make_exact, simulate
 from folder import multisine
 
 COUNTS = 4096  # of the bus servos' encoders, per turn
-SAMPLES = {"so101": 1000, "ur5e": 2500}
+SAMPLES = {"so101": 600, "ur5e": 1250}
 PERIODS = {"so101": 0.02, "ur5e": 0.008}  # s
 RUNS = ("monday", "tuesday", "wednesday")
 HOME = {"so101": (0.0,) * 6, "ur5e": (-1.5708, -1.5708, 1.5708, -1.5708, -1.5708, 0.0)}  # rad
@@ -86,7 +86,10 @@ def hold(model: mujoco.MjModel, body: str, mass: float, at: np.ndarray) -> None:
 
 
 def sharpened(model: mujoco.MjModel, friction: dict[str, float]) -> mujoco.MjModel:
-    """The truth at small steps, with exact dry friction at every joint; `friction`: where it is not the model's."""
+    """The truth at small steps, with exact dry friction at every joint; `friction`: where it is not the model's.
+
+    Nothing touches in the truth; `record` leaves out what would touch in the model.
+    """
     names = [model.joint(j).name for j in range(model.njnt)]
     own = {name: float(model.dof_frictionloss[model.joint(name).dofadr[0]]) for name in names} | friction
     make_exact(model, {name: level for name, level in own.items() if level})
@@ -104,13 +107,35 @@ def stripped(path: Path) -> str:
     return spec.to_xml()
 
 
-def record(robot: str, truth: mujoco.MjModel, late: float, rng: np.random.Generator) -> pd.DataFrame:
-    """One log: time, targets and positions in rad."""
+def record(robot: str, truth: mujoco.MjModel, touching: mujoco.MjModel, late: float, rng: np.random.Generator) -> tuple:
+    """One log in free air: time, targets and positions in rad; `touching`: the model with what it may touch."""
+    reach = 1.0
+    while True:
+        log = move(robot, truth, late, reach, rng)
+        if not touches(touching, log[2]):
+            return log
+        reach *= 0.9
+
+
+def touches(model: mujoco.MjModel, positions: np.ndarray) -> bool:
+    """Ask whether anything touches anywhere along a motion."""
+    data = mujoco.MjData(model)
+    for qpos in positions:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        if data.ncon:
+            return True
+    return False
+
+
+def move(robot: str, truth: mujoco.MjModel, late: float, share: float, rng: np.random.Generator) -> tuple:
+    """One motion, `share` as wide as may be."""
     period, samples = PERIODS[robot], SAMPLES[robot]
     time, targets, held = np.arange(samples) * period, [], round(late / period)
     for j in range(truth.nu):
         low, high = truth.actuator_ctrlrange[j]
-        reach = min(0.6, 0.3 * (high - low))
+        reach = share * min(0.6, 0.3 * (high - low))
         rates = np.r_[rng.uniform(0.05, 0.25, 2), rng.uniform(0.3, 0.8, 2)]
         middle = np.clip(HOME[robot][j], low + 1.2 * reach, high - 1.2 * reach)
         targets.append(middle + reach * multisine(time, rates, np.array([0.5, 0.3, 0.25, 0.15]), rng))
@@ -132,9 +157,10 @@ def write(name: str, robots: Path, out: Path, seed: int) -> None:
     if isinstance(model, str):
         (out / "model.xml").write_text(model)
         model = "model.xml"
+    touching = mujoco.MjModel.from_xml_path(str(out / model))  # an absolute path stays itself
     joints = [truth.joint(j).name for j in range(truth.njnt)]
     for run in RUNS:
-        time, targets, positions = record(robot, truth, late, rng)
+        time, targets, positions = record(robot, truth, touching, late, rng)
         if robot == "so101":
             counts = np.round(positions / (2 * np.pi) * COUNTS) / COUNTS * 360
             columns = {"timestamp": time}
