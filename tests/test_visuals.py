@@ -61,3 +61,10 @@ def test_what_may_matter_stays(mesh, inside, more, compiler):
 def test_a_base_that_stands_still_needs_no_looks(mesh):
     xml = f'<mujoco><asset><mesh file="{mesh}"/></asset><worldbody><body>{INERTIAL}{SEEN}</body></worldbody></mujoco>'
     assert not without_visuals(mujoco.MjSpec.from_string(xml)).geoms
+
+
+def test_where_nothing_touches_no_mesh_is_needed(mesh):
+    inside = INERTIAL + '<geom type="mesh" mesh="m"/>'
+    whole, lean = spec(mesh, inside).compile(), without_visuals(spec(mesh, inside), apart=True).compile()
+    assert (whole.nmesh, lean.nmesh, lean.ngeom) == (1, 0, 0)
+    assert lean.stat.extent == whole.stat.extent and lean.body_mass.tolist() == whole.body_mass.tolist()

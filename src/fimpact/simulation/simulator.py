@@ -75,7 +75,7 @@ class Simulator:
 
     def __init__(self, recording: Recording, refine: int = 1, apart: bool = False):
         self.recording, self.refine, self.apart = recording, refine, apart
-        spec = without_visuals(recording.spec())
+        spec = without_visuals(recording.spec(), apart)
         spec.option.timestep /= refine
         self.base = editable(spec)
         _configure(self.base)
