@@ -76,8 +76,8 @@ def with_weak_supply(u, q, v):
 
 
 def later(ctrl, samples):
-    """Targets that come late, (T, 2)."""
-    return np.concatenate([np.zeros((samples, 2)), ctrl[:-samples]])
+    """Targets that come late, (T, 2); the first is held before."""
+    return np.concatenate([np.tile(ctrl[:1], (samples, 1)), ctrl[:-samples]])
 
 
 def first(old: str, new: str) -> str:

@@ -32,23 +32,27 @@ def saturation(model, site, limit):
 
 
 def command_delay(ctrl, signal: Signal, site, delay):
-    """Between steps by linear interpolation; nothing is commanded before the start of the run.
+    """Between steps by linear interpolation; before the start of the run a servo holds its first target, and nothing
+    else is commanded.
 
     MuJoCo's own actuator delay does the same, but cannot be shorter than a time step: it is not used.
     """
     out = np.array(ctrl, float)
     whole, part = divmod(delay / _step(signal), 1.0)
     kept, count = _actuators(signal, site), ctrl.shape[1]
-    padded = np.concatenate([np.zeros((len(ctrl), min(int(whole), count) + 1, len(kept))), out[:, :, kept]], axis=1)
+    before = np.repeat(signal.before(out)[:, :, kept], min(int(whole), count) + 1, axis=1)
+    padded = np.concatenate([before, out[:, :, kept]], axis=1)
     out[:, :, kept] = (1 - part) * padded[:, 1 : 1 + count] + part * padded[:, :count]
     return out
 
 
 def actuator_lag(ctrl, signal: Signal, site, time):
-    """First-order filter from rest; its pole is chosen so that it holds back `time` times each step of the command."""
+    """First-order filter, from rest or from a servo's first target; its pole is chosen so that it holds back `time`
+    times each step of the command."""
     out, step = np.array(ctrl, float), _step(signal)
     kept, keep = _actuators(signal, site), time / (time + step)
-    out[:, :, kept] = lfilter([1 - keep], [1, -keep], out[:, :, kept], axis=1)
+    before = keep * signal.before(out)[:, :, kept]
+    out[:, :, kept] = lfilter([1 - keep], [1, -keep], out[:, :, kept], axis=1, zi=before)[0]
     return out
 
 
@@ -67,9 +71,10 @@ def torque_offset(model, site, offset):
 def _export_lag(spec, site, time):
     if time <= 0:
         return
-    actuator, step, parameters = spec.actuator(site), spec.option.timestep, np.zeros(10)
+    step, parameters = spec.option.timestep, np.zeros(10)
     parameters[0] = step / np.log1p(step / time)
-    actuator.dyntype, actuator.dynprm, actuator.actearly = mujoco.mjtDyn.mjDYN_FILTEREXACT, parameters, True
+    for actuator in spec.actuators if site == ALL else [spec.actuator(site)]:
+        actuator.dyntype, actuator.dynprm, actuator.actearly = mujoco.mjtDyn.mjDYN_FILTEREXACT, parameters, True
 
 
 def _step(signal: Signal) -> float:
@@ -87,6 +92,13 @@ def _to_a_share(name, share):
 
 def _saturation_probes(scales, model, site):
     return [{"limit": level * amounts.summit(scales, model, site)} for level in LEVELS]
+
+
+def _late_probes(name):
+    """From half a sample to what is too late to be believed: a servo at its limit shows no derivative."""
+    return lambda scales, model, site: [
+        {name: float(late)} for late in np.geomspace(0.5 * scales.period, 2 * amounts.delay(scales), 3)
+    ]
 
 
 def _rotor_probes(scales, model, site):
@@ -143,9 +155,10 @@ EFFECTS = (
         enters="command",
         coefficients=(Coefficient("delay", "s", low=0.0, high=1.0),),
         sites=sites.commands,
-        probes=lambda scales, model, site: [{"delay": 0.2 * scales.period}],
+        probes=_late_probes("delay"),
         law=command_delay,
         neutral={"delay": 0.0},
+        linear=False,
         prior=lambda scales, model, site: {"delay": amounts.delay(scales)},
         prior_source=LATE,
         order=MOTOR,
@@ -159,7 +172,7 @@ EFFECTS = (
         enters="command",
         coefficients=(Coefficient("time", "s", low=0.0, high=10.0),),
         sites=sites.prompt,
-        probes=lambda scales, model, site: [{"time": 0.3 * scales.period}],
+        probes=_late_probes("time"),
         law=actuator_lag,
         neutral={"time": 0.0},
         export=_export_lag,

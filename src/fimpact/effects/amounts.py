@@ -73,7 +73,12 @@ def pace(scales: Scales, model: mujoco.MjModel) -> float:
 
 def delay(scales: Scales) -> float:
     """Typical delay of a bus or a filter: three samples, but between 10 and 50 ms."""
-    return float(np.clip(3 * scales.period, 0.01, 0.05))
+    return late(scales.period)
+
+
+def late(period: float) -> float:
+    """The same, of a time between samples in s."""
+    return float(np.clip(3 * period, 0.01, 0.05))
 
 
 def size(scales: Scales, model: mujoco.MjModel, body: str) -> float:

@@ -146,8 +146,9 @@ class Signal:
     time: (n, T), s since the start of the run. ctrl: (n, T, nu), as recorded. channels: names of the measured
     columns, (ny,). actuators: names of the command columns, (nu,). force: (n, T, nu), generalised force or
     force of each actuator. joint_of: the channel measures the position of this joint, or "" if it does not.
-    driven_by: the actuator that drives that joint, or -1. since: (n, 1), s, where what is asked for begins if `time`
-    reaches back further.
+    driven_by: the actuator that drives that joint, or -1. holding: whether each actuator holds a position; before the
+    start of a run it is told the first one, any other nothing. since: (n, 1), s, where what is asked for begins if
+    `time` reaches back further.
     """
 
     time: np.ndarray
@@ -157,12 +158,17 @@ class Signal:
     force: np.ndarray
     joint_of: tuple[str, ...]
     driven_by: tuple[int, ...]
+    holding: tuple[bool, ...] = ()
     since: np.ndarray | None = None
 
     @property
     def begin(self) -> np.ndarray:
         """Time at which what is asked for begins, (n, 1), s."""
         return self.time[:, :1] if self.since is None else self.since
+
+    def before(self, ctrl: np.ndarray) -> np.ndarray:
+        """What is commanded before the start of `ctrl`, (n, T, nu): (n, 1, nu)."""
+        return np.where(self.holding or (False,) * ctrl.shape[2], ctrl[:, :1], 0.0)
 
     def column(self, site: str) -> list[int]:
         """Columns that `site` names: one channel or actuator, or every one of them for "all"."""

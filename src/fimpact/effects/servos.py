@@ -108,6 +108,11 @@ def _droop(scales, model, site):
     return {"droop": float(0.1 / max(most, amounts.FLOOR))}
 
 
+def _compensated(scales, model, site):
+    """Firmware holds an arm, and does not load it: less than nothing is what the model has too much of."""
+    return {"share": (-1.5 if model.body_gravcomp.any() else 0.0, 1.5)}
+
+
 def _change_probes(scales, model, site):
     return [{"change": amounts.SMALL}]
 
@@ -206,6 +211,7 @@ EFFECTS = (
         coefficients=(Coefficient("share", "1", low=-1.5, high=1.5),),
         sites=sites.weighed,
         probes=lambda scales, model, site: [{"share": amounts.SMALL}],
+        ranges=_compensated,
         law=gravity_compensation,
         neutral={"share": 0.0},
         export=_export_gravity,

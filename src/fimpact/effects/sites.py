@@ -55,6 +55,12 @@ def standing(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     return [model.body(body).name for body in rising if model.body(body).name]
 
 
+def has_servos(model: mujoco.MjModel) -> bool:
+    """Whether motors hold positions: under them one kind of physics alone goes wrong at every joint, and the compound
+    of what every geared drive has comes first."""
+    return bool(model.actuator_biasprm[:, 1].any())
+
+
 def holding(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """Servos that hold a position."""
     return [name for name in actuators(model) if _fed_back(model, name)[0]]
@@ -115,9 +121,10 @@ def commands(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
 
 
 def prompt(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
-    """Actuators without dynamics of their own."""
+    """Actuators without dynamics of their own, and "all" of them where there are several and no other."""
     dynamic = int(mujoco.mjtDyn.mjDYN_NONE)
-    return [name for name in actuators(model) if model.actuator(name).dyntype[0] == dynamic]
+    names = [name for name in actuators(model) if model.actuator(name).dyntype[0] == dynamic]
+    return names + [ALL] * (1 < len(names) == model.nu)
 
 
 def bodies(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:

@@ -232,6 +232,7 @@ def _constants(recording: Recording, hypothesis: Hypothesis) -> dict[str, str]:
         "ACTUATORS": signal.actuators,
         "JOINT_OF": signal.joint_of,
         "DRIVEN_BY": signal.driven_by,
+        "HOLDING": signal.holding,
         "GAINS": tuple(signal.force[0, 0].tolist()),
     }
     return {name: repr(value) for name, value in values.items()}

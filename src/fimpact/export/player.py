@@ -15,7 +15,7 @@ EDITS, FORCES, FRICTIONS, GEARS, COMMANDS, MEASUREMENTS = [], [], [], [], [], []
 PERIOD = 0.0
 PAST = 0  # rows of commands that actuators with a lag remember
 STATEFUL = ()  # (index, number of states) of the actuators whose states are given
-CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, GAINS = (), (), (), (), ()
+CHANNELS, ACTUATORS, JOINT_OF, DRIVEN_BY, HOLDING, GAINS = (), (), (), (), (), ()
 
 
 def load(path):
@@ -161,7 +161,7 @@ def measurements(read, ctrl, first=0, pieces=1):
 
 
 def _signal(time, ctrl):
-    return Signal(time, ctrl, CHANNELS, ACTUATORS, ctrl * np.array(GAINS), JOINT_OF, DRIVEN_BY)
+    return Signal(time, ctrl, CHANNELS, ACTUATORS, ctrl * np.array(GAINS), JOINT_OF, DRIVEN_BY, HOLDING)
 
 
 def _column(model, channel):

@@ -62,7 +62,8 @@ class InputSignal:
         joints = tuple(_joint_of(model, name) for name in self.recording.channels)
         driven = tuple(_driver(model, joint) for joint in joints)
         actuators = tuple(model.actuator(i).name for i in range(model.nu))
-        return Signal(np.zeros((0, 0)), none, self.recording.channels, actuators, none, joints, driven)
+        holding = tuple((model.actuator_biasprm[:, 1] != 0).tolist())
+        return Signal(np.zeros((0, 0)), none, self.recording.channels, actuators, none, joints, driven, holding)
 
 
 def _joint_of(model: mujoco.MjModel, channel: str) -> str:
