@@ -3,6 +3,7 @@
 import copy
 from dataclasses import replace
 from functools import cache
+from unittest.mock import patch
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from recorded import ARM, ROD, record, waves
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Unknown
+from fimpact.smoothing import response as module
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.response import NUDGE, Change, Response, Slopes
 from fimpact.smoothing.smoother import smooth
@@ -39,7 +41,8 @@ def changed(**kinds) -> tuple[Change, Change]:
     before, after = plant(), plant(**kinds)
     held, simulated = (Response(before, response().states, response().tau) for _ in range(2))
     simulated.long = True
-    return held(after), simulated(after)
+    with patch.object(module, "RESTING", ()):
+        return held(after), simulated(after)
 
 
 def law(effect: str, site: str, **values) -> dict:

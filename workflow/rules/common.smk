@@ -48,12 +48,13 @@ CASE = (
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()
 SMOOTHER = (
-    "filtering inverse kalman laws levels linear parameters prepare response rubbing smoother states step stretches track"
+    "filtering inverse kalman lateness laws levels linear parameters prepare response rubbing smoother states step "
+    "stretches track"
 ).split()
 PROOF = ["quiet", "deciding", "recordings", "units", "visuals", "diagnosis/freed", "diagnosis/proof"]
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
-PROOF += [f"effects/{name}" for name in "base drives gears native sites".split()]
-FINDING = [*PROOF, "smoothing/columns", *(f"effects/{name}" for name in EFFECTS.split())]
+PROOF += [f"effects/{name}" for name in EFFECTS.split() if name != "classes"]
+FINDING = [*PROOF, "smoothing/columns", "effects/classes"]
 FINDING += [f"selection/{name}" for name in "begin exchange forward leftover limits options regression search".split()]
 FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
 DESIGNING = [f"experiments/{name}" for name in "described design limits separation".split()]

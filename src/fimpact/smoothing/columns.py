@@ -14,13 +14,14 @@ import numpy as np
 
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import ON_JOINT
+from fimpact.simulation.nonsmooth import stop_within_a_step
 from fimpact.smoothing.filtering import swept
 from fimpact.smoothing.inverse import edits
 from fimpact.smoothing.laws import DRY, acts_of, expected_sign, middle, predicted_commands, reading_of, speed_doubt
 from fimpact.smoothing.response import Change, Response
 from fimpact.smoothing.smoother import Smoothed
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
+from fimpact.smoothing.track import Plant, Track
 
 ACTING = ("force", "friction", "gear")  # ways in which laws act along a motion, without a simulation
 SMALL = 1e-2  # share of its prior at which a linear effect is tried: in contact no tangent holds for all of it
@@ -96,7 +97,7 @@ def at(effect: Effect, site: str, model: mujoco.MjModel, scales: Scales) -> list
     for own in (s for i, s in enumerate(shapes) if s not in shapes[:i]):
         names = tuple(c.name for c in moving)
         sd = tuple(float(prior.get(c.name) or sizes[c.name] or 1.0) for c in moving)
-        positive = tuple(c.low >= effect.neutral[c.name] for c in moving)
+        positive = tuple(ranges.get(c.name, (c.low, c.high))[0] >= effect.neutral[c.name] for c in moving)
         priors = dict(zip(names, sd, strict=True))
         if not effect.linear:  # one column: so many times the effect at this choice of all its values
             names, sd, positive = names[:1], (1.0,), (True,)
@@ -104,24 +105,71 @@ def at(effect: Effect, site: str, model: mujoco.MjModel, scales: Scales) -> list
     return found
 
 
-def columns(smoothed: Smoothed, tried: Sequence[Candidate]) -> Columns:
-    """Whitened columns of everything that is tried; what changes nothing, or diverges, is left out."""
+class Simulated:
+    """What was simulated for columns of one track, where a sample is long and so all edits of the model are.
+
+    At first each is simulated at the model's own time step, or stands from an earlier trajectory: enough to say what
+    is worth more. `renew` asks for the true ones.
+    """
+
+    def __init__(self):
+        self.of: Smoothed | None = None
+        self.rough: dict[str, Change] = {}
+        self.true: dict[str, Change] = {}
+        self.wanted: set[str] = set()
+
+    def along(self, smoothed: Smoothed) -> None:
+        """Forget what is true of another trajectory."""
+        if smoothed is not self.of:
+            self.rough |= self.true
+            self.of, self.true, self.wanted = smoothed, {}, set()
+
+    def renew(self, candidates: Sequence[Candidate]) -> bool:
+        """Whether any of these candidates is but rough yet; then it is wanted."""
+        keys = {_key(_unit(c, i)) for c in candidates for i in range(len(c.names))}
+        self.wanted = (keys & set(self.rough)) - set(self.true)
+        return bool(self.wanted)
+
+    def change(self, law: Placed, made: "_Maker") -> Change:
+        """What `law` does, as well as it is asked for."""
+        key = _key(law)
+        if key in self.wanted:
+            self.true[key] = made(law)
+        elif key not in self.true and key not in self.rough:
+            self.rough[key] = made.rough(law)
+        return self.true.get(key) or self.rough[key]
+
+
+def _key(law: Placed) -> str:
+    return f"{law.name} {law.values}"
+
+
+def columns(smoothed: Smoothed, tried: Sequence[Candidate], known: Simulated | None = None) -> Columns:
+    """Whitened columns of everything that is tried; what changes nothing, or diverges, is left out.
+
+    Args:
+        known: what was simulated for earlier columns of the same track.
+    """
     asked = [(index, amplitude) for index, own in enumerate(tried) for amplitude in range(len(own.names))]
-    shares = [SMALL if tried[index].effect.linear else 1.0 for index, _ in asked]
-    laws = [_unit(tried[index], amplitude, share) for (index, amplitude), share in zip(asked, shares, strict=True)]
-    found = [change.scaled(1 / share) for change, share in zip(changes(smoothed, laws), shares, strict=True)]
+    laws = [_unit(tried[index], amplitude) for index, amplitude in asked]
+    shares = [_share(tried[index]) for index, _ in asked]
+    found = [change.scaled(1 / share) for change, share in zip(changes(smoothed, laws, known), shares, strict=True)]
     kept = [i for i, change in enumerate(found) if change.finite]
     return _swept(smoothed, [found[i] for i in kept], tuple(tried), tuple(asked[i] for i in kept))
 
 
-def _unit(candidate: Candidate, amplitude: int, share: float) -> Placed:
+def _share(candidate: Candidate) -> float:
+    return SMALL if candidate.effect.linear else 1.0
+
+
+def _unit(candidate: Candidate, amplitude: int) -> Placed:
     """A share of the prior of one amplitude, or all of an effect that is not linear."""
     values = np.zeros(len(candidate.names))
-    values[amplitude] = share * candidate.sd[amplitude]
+    values[amplitude] = _share(candidate) * candidate.sd[amplitude]
     return candidate.placed(values)
 
 
-def changes(smoothed: Smoothed, laws: Sequence[Placed]) -> list[Change]:
+def changes(smoothed: Smoothed, laws: Sequence[Placed], known: Simulated | None = None) -> list[Change]:
     """What each of `laws` does beside the plant of a smoothed recording."""
     made, track = _Maker(smoothed), smoothed.track
     acting = [i for i, law in enumerate(laws) if law.effect.enters in ACTING]
@@ -130,7 +178,13 @@ def changes(smoothed: Smoothed, laws: Sequence[Placed]) -> list[Change]:
         i: replace(made.response.nothing(), force=force, readings=readings)
         for i, (force, readings) in zip(acting, acts, strict=True)
     }
-    return [found[i] if i in found else made(law) for i, law in enumerate(laws)]
+    if known is None or not track.long:
+        return [found[i] if i in found else made(law) for i, law in enumerate(laws)]
+    known.along(smoothed)
+    simulated = [law.effect.enters in ("model", "command") for law in laws]
+    for i in [i for i in range(len(laws)) if i not in found]:
+        found[i] = known.change(laws[i], made) if simulated[i] else made(laws[i])
+    return [found[i] for i in range(len(laws))]
 
 
 def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Columns:
@@ -158,13 +212,26 @@ def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Colu
 class _Maker:
     """What edits of the model, of commands and of readings do beside the plant of a smoothed recording."""
 
+    _coarse: "_Maker | None" = None
+
     def __init__(self, smoothed: Smoothed):
         self.smoothed, self.track = smoothed, smoothed.track
-        response = smoothed.linear.response
         # The trajectory of the last derivatives is as good as the last one for what they decide.
-        self.response = Response(smoothed.linear.plant, smoothed.states, smoothed.tau, response.inverse)
+        self.response = self._response(smoothed.linear.plant)
         self.plant = self.response.plant
         self.told = predicted_commands(self.track, self.plant.ctrl, smoothed.tau)
+
+    def _response(self, plant: Plant) -> Response:
+        smoothed = self.smoothed
+        return Response(plant, smoothed.states, smoothed.tau, smoothed.linear.response.inverse)
+
+    def rough(self, placed: Placed) -> Change:
+        """Of one effect, at the model's own time step."""
+        if self._coarse is None:
+            self._coarse = copy.copy(self)
+            self._coarse.response = self._response(self.smoothed.linear.plant.coarse)
+            self._coarse.plant = self._coarse.response.plant
+        return self._coarse(placed)
 
     def __call__(self, placed: Placed) -> Change:
         """Of one effect."""
@@ -177,18 +244,23 @@ class _Maker:
     def _model(self, placed: Placed) -> Change:
         before = self.plant.model
         after = copy.copy(before)
+        dry = before.dof_frictionloss if self.track.long else self.plant.dry
+        after.dof_frictionloss[:] = dry
         placed.effect.law(after, placed.site, **placed.values)
-        rubbed = after.dof_frictionloss - before.dof_frictionloss
-        for name in DRY:
-            getattr(after, name)[:] = getattr(before, name)
+        rubbed = after.dof_frictionloss - dry
+        if self.track.long:
+            stop_within_a_step(after)
+        else:
+            for name in DRY:
+                getattr(after, name)[:] = getattr(before, name)
         change = self.response.nothing()
         if self._exceeded(before, after):
             return change
-        if edits(after, before):
+        if edits(after, before) or (self.track.long and rubbed.any()):
             mujoco.mj_setConst(after, mujoco.MjData(after))
             scaled = not np.array_equal(before.actuator_gainprm, after.actuator_gainprm)
             change = self.response(replace(self.plant, models=(after,)), self.told if scaled else None)
-        if rubbed.any():
+        if rubbed.any() and not self.track.long:
             states = self.smoothed.states
             doubt = speed_doubt(self.track, states, self.smoothed.doubt)
             change = replace(change, force=change.force - rubbed * expected_sign(middle(self.track, states)[1], doubt))

@@ -10,7 +10,6 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fimpact.deciding import HELD
 from fimpact.effects.sites import ON_JOINT
 from fimpact.smoothing.laws import middle
 from fimpact.smoothing.states import BALL, FREE, States
@@ -18,6 +17,7 @@ from fimpact.smoothing.track import Track
 
 INERTIAL = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
 OF_JOINTS = ("dof_damping", "dof_dampingpoly", "dof_armature", "jnt_stiffness", "jnt_stiffnesspoly", "qpos_spring")
+RESTING = ("jnt_stiffness", "jnt_stiffnesspoly", "qpos_spring", "gravity")  # act by position alone
 OF_MOTORS = ("actuator_gainprm", "actuator_forcerange", "actuator_forcelimited")
 # Arrays of a model that laws edit.
 EDITED = (
@@ -251,19 +251,6 @@ def given_by(model: mujoco.MjModel, motor: int, ctrl: np.ndarray) -> np.ndarray:
     if model.actuator_forcelimited[motor]:
         force = np.clip(force, *model.actuator_forcerange[motor])
     return force * model.actuator_gear[motor, 0]
-
-
-def is_long(model: mujoco.MjModel, period: float) -> bool:
-    """Whether a joint under its servo and its damping comes to rest within a sample: a force is not held that long."""
-    damping, stiffness = model.dof_damping.copy(), np.zeros(model.nv)
-    for motor in np.flatnonzero(model.actuator_biastype):
-        if model.actuator_trntype[motor] != ON_JOINT:
-            return True
-        dof, gear = model.jnt_dofadr[model.actuator_trnid[motor, 0]], model.actuator_gear[motor, 0]
-        stiffness[dof] -= gear**2 * model.actuator_biasprm[motor, 1]
-        damping[dof] -= gear**2 * model.actuator_biasprm[motor, 2]
-    rates = np.maximum(period * damping, period**2 * stiffness) * model.dof_invweight0
-    return bool((rates > HELD).any())
 
 
 def _carried(model: mujoco.MjModel, body: int) -> np.ndarray:

@@ -6,26 +6,41 @@ from functools import cached_property
 
 import numpy as np
 
+from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.starts import measured_motion, noise_level
+from fimpact.smoothing.lateness import by_samples, lateness
+from fimpact.smoothing.laws import touching
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track, refined
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A track, the states that the measurements show, (N,), and sd of the readings, (ny,)."""
+    """A track, the states that the measurements show, (N,), sd of the readings, (ny,), and how late motors are."""
 
     track: Track
     begun: States
     noise: np.ndarray
+    late: tuple[Placed, ...] = ()
 
     @cached_property
     def simulator(self) -> Simulator:
         """Simulates the model with all that may touch."""
         own = self.track.simulator
         return Simulator(own.recording, own.refine) if own.apart else own
+
+    @cached_property
+    def proving(self) -> Simulator:
+        """Simulates predictions: without what may touch, where nothing does along any run, held-out ones among them."""
+        own, recording = self.track.simulator, self.track.recording
+        known = {run.name for run in self.track.runs}
+        others = [run for run in recording.runs if run.name not in known]
+        if not own.apart or not others:
+            return own
+        track = Track(self.simulator, others)
+        return self.simulator if touching(track, measured_states(track, self.noise)).any() else own
 
 
 def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> Prepared:
@@ -41,7 +56,10 @@ def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> 
         return measured_states(track, noise)
 
     track, begun = refined(recording, runs, begin, noise, refine)
-    return Prepared(track, begun, noise)
+    late = lateness(track, begun, noise)
+    if late and not refine:  # what is late hides the error of the time step
+        track, begun = refined(recording, runs, begin, noise, refine, [by_samples(late[0], track.period)])
+    return Prepared(track, begun, noise, late)
 
 
 def spread_out(runs: Sequence[Run], most: int) -> tuple[Run, ...]:

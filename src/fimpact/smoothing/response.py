@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.sites import ON_JOINT
-from fimpact.smoothing.inverse import EDITED, Inverse, is_long
+from fimpact.simulation.nonsmooth import is_long
+from fimpact.smoothing.inverse import EDITED, RESTING, Inverse, edits
 from fimpact.smoothing.laws import reading_of
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Plant, Step
@@ -111,7 +112,11 @@ class Response:
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 
     def _held(self, plant: Plant, told: np.ndarray | None) -> Change | None:
-        if self.long or (told is None and not np.array_equal(plant.ctrl, self.plant.ctrl)):
+        # A force that follows the position hardly changes within a sample, however stiff the servo.
+        edited = edits(plant.model, self.plant.model)
+        rubs = not np.array_equal(plant.model.dof_frictionloss, self.plant.model.dof_frictionloss)
+        simulated = self.long and not (edited and edited <= set(RESTING))
+        if rubs or simulated or (told is None and not np.array_equal(plant.ctrl, self.plant.ctrl)):
             return None
         before, after = self.plant.model, plant.model
         force = self.inverse.change(after, before, (self.plant.ctrl if told is None else told).mean(1))

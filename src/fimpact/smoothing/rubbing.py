@@ -29,7 +29,7 @@ class Rubbing:
 def rubbing(
     track,
     model: mujoco.MjModel,
-    added: np.ndarray,
+    dry: np.ndarray,
     laws: Sequence[Placed],
     states: States,
     tau: np.ndarray,
@@ -39,10 +39,10 @@ def rubbing(
     """Dry friction of a hypothesis along `states`.
 
     Args:
-        added: friction of the joints, (nv,). laws: those of dry friction. doubt: sd of the speeds, (N, nv). sign: known
+        dry: friction of the joints, (nv,). laws: those of dry friction. doubt: sd of the speeds, (N, nv). sign: known
             already, (N, nv), and then without a slope.
     """
-    forward = np.tile(added, (track.count, 1))
+    forward = np.tile(dry, (track.count, 1))
     backward = forward.copy()
     for law in laws:
         dof = int(track.model.joint(law.site).dofadr[0])

@@ -134,26 +134,32 @@ def smooth(
             sign = (linear.plant.rubbing.sign + last_sign) / 2 if sign is None else sign
         last_step, last_sign = max(change, far / FAR), linear.plant.rubbing.sign
         found = replace(found, change=relax * found.change, step=relax * found.step)
+        progress(
+            f"smoothing: step {k + 1} of at most {rounds + len(anneal)}, readings move by {change:.2g} of their noise, "
+            f"numbers by {far:.2g} of their sd"
+        )
+        converged = k >= len(anneal) and max(change, moved_by(levels, begun_levels) / FAR, far / FAR) < STILL
+        if converged and track.long:
+            # So small a step of the trajectory is not taken: where a joint sticks, it may lead to another branch.
+            numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]
+            break
         n = track.space.size
         states, tau = track.space.plus(states, found.change[:, :n]), tau + found.change[:, n:]
-        doubt, shift = found.doubts(linear, track), moved_by(levels, begun_levels)
+        doubt = found.doubts(linear, track)
         if numbers:
             numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]
             fixed = numbers
             grown = heavier(track.model_of(placed_of(numbers, placed), theta_of(numbers)), linear.plant.model)
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
         levels = in_modes(track, states, tau, levels)
+        if converged:
+            break
         if change > WORN:
             linear = None
-        progress(
-            f"smoothing: step {k + 1} of at most {rounds + len(anneal)}, readings move by {change:.2g} of their noise, "
-            f"numbers by {far:.2g} of their sd"
-        )
-        if k >= len(anneal) and max(change, shift / FAR, far / FAR) < STILL:
-            converged = True
-            break
-    linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise)
+    if not (converged and track.long):
+        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise)
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
+    fixed = numbers or fixed
     count = int(np.isfinite(track.measured).sum())
     return Smoothed(
         track, placed_of(fixed, placed), tuple(priors), tuple(fixed), states, tau, doubt, found.surprise, levels,

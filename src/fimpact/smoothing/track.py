@@ -12,6 +12,7 @@ from fimpact.deciding import DOUBT
 from fimpact.effects.base import Placed
 from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
+from fimpact.simulation.nonsmooth import is_long, stop_within_a_step
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut
 from fimpact.smoothing.laws import DRY, force_of, reading_of, touching
@@ -59,6 +60,11 @@ class Track:
     def windows(self) -> Windows:
         """The runs as windows, one each, padded."""
         return cut(self.runs, 0) if len(self.runs) == 1 else _whole(self.runs)
+
+    @cached_property
+    def long(self) -> bool:
+        """Whether a sample is long against the servos: within it joints turn back, and dry friction is simulated."""
+        return is_long(self.model, self.period)
 
     @cached_property
     def ctrl(self) -> np.ndarray:
@@ -152,6 +158,8 @@ class Track:
         extrapolated, and where something may touch, which has no order, as fine as is worth it."""
         finer = copy.copy(model)
         finer.opt.timestep /= self.finer if can_touch(self.model) else 2
+        if self.long:
+            stop_within_a_step(finer)
         return (model,) if finer.opt.timestep == model.opt.timestep else (model, finer)
 
     def plant(
@@ -164,9 +172,9 @@ class Track:
                 it is known already. surprise: as in `laws.reading_of`.
         """
         model = self.model_of(placed, theta)
-        added = self._taken_dry(model)
+        dry = self._taken_dry(model)
         laws = [law for law in placed if law.effect.enters == "friction"]
-        rub = rubbing(self, model, added, laws, states, tau, doubt, sign)
+        rub = rubbing(self, model, dry, laws, states, tau, doubt, sign)
         force = rub.force.copy()
         for law in placed:
             if law.effect.enters != "friction":
@@ -180,6 +188,7 @@ class Track:
             rub,
             states,
             tau,
+            dry,
             surprise,
         )
 
@@ -188,12 +197,18 @@ class Track:
         return self.simulator.model(Hypothesis(theta, tuple(placed)))
 
     def _taken_dry(self, model: mujoco.MjModel) -> np.ndarray:
-        """Take added dry friction out of `model`; returns it, (nv,)."""
-        added = model.dof_frictionloss - self.model.dof_frictionloss
-        if added.any():
-            for name in DRY:
-                getattr(model, name)[:] = getattr(self.model, name)
-        return added
+        """Take dry friction out of `model`; returns it, (nv,).
+
+        The model's own, too: real friction turns over with the speed, MuJoCo's some milliseconds later.
+        """
+        if self.long:
+            stop_within_a_step(model)
+            return np.zeros(model.nv)
+        dry = model.dof_frictionloss.copy()
+        for name in DRY:
+            getattr(model, name)[:] = getattr(self.model, name)
+        model.dof_frictionloss[:] = 0.0
+        return dry
 
     def next(self, states: States) -> States:
         """The state of each row's next, of the last in each run its own."""
@@ -204,7 +219,10 @@ class Track:
 @dataclass(frozen=True)
 class Plant:
     """What a hypothesis makes of each sample: the model at its time steps, commands, forces of laws, (N, nv), dry
-    friction among them, along the states `around`, and what readings there hold beyond what was foretold, (N, ny)."""
+    friction among them, along the states `around`, and what readings there hold beyond what was foretold, (N, ny).
+
+    dry: friction that is taken out of the models, (nv,), where it is held over a sample.
+    """
 
     track: Track
     models: tuple[mujoco.MjModel, ...]
@@ -214,6 +232,7 @@ class Plant:
     rubbing: Rubbing
     around: States
     tau: np.ndarray
+    dry: np.ndarray
     surprise: np.ndarray | float = 0.0
 
     @property
@@ -235,6 +254,8 @@ class Plant:
             return self.plain
         model = copy.copy(self.model)
         model.opt.timestep = self.track.period / substeps
+        if self.track.long:
+            stop_within_a_step(model)
         return replace(self, models=(model,))
 
     def step(self, states: States, tau: np.ndarray) -> Step:
@@ -247,7 +268,12 @@ class Plant:
 
 
 def refined(
-    recording: Recording, runs: Sequence[Run], begin: Callable, noise: np.ndarray, refine: int = 0
+    recording: Recording,
+    runs: Sequence[Run],
+    begin: Callable,
+    noise: np.ndarray,
+    refine: int = 0,
+    placed: Sequence[Placed] = (),
 ) -> tuple[Track, States]:
     """The track at a time step whose error moves no reading, and the states to begin with.
 
@@ -256,6 +282,7 @@ def refined(
 
     Args:
         begin: of a track, the states that the measurements show. refine: parts of the model's step, 0: as needed.
+        placed: effects that are known already.
     """
     if refine:
         track = Track(Simulator(recording, refine), runs)
@@ -270,7 +297,7 @@ def refined(
             states = begin(finer)
             apart = can_touch(finer.model) and not touching(finer, states).any()
             finer = Track(Simulator(recording, refine, apart), runs) if apart else finer
-        if track is not None and _error(track, finer, states, noise) < DOUBT:
+        if track is not None and _error(track, finer, states, noise, placed) < DOUBT:
             return _in_contact(track), states
         track, refine = finer, 2 * refine
         if refine > FINEST:
@@ -289,11 +316,12 @@ def _in_contact(track: Track) -> Track:
     return Track(simulator, track.runs, fine // coarse)
 
 
-def _error(track: Track, finer: Track, states: States, noise: np.ndarray) -> float:
+def _error(track: Track, finer: Track, states: States, noise: np.ndarray, placed: Sequence[Placed]) -> float:
     """By how much of what the model misses half the time step moves readings a sample later, root mean square."""
     ends = []
     for own in (track, finer):
-        plant = own.plant((), own.simulator.theta, states, np.zeros_like(states.qvel), np.ones_like(states.qvel))
+        still = np.zeros_like(states.qvel), np.ones_like(states.qvel)
+        plant = own.plant(placed, own.simulator.theta, states, *still)
         after = plant.step(states, plant.tau).after
         ends.append(plant.step(after, plant.tau).readings)
     next_rows = np.flatnonzero(~track.last)

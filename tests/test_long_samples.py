@@ -1,0 +1,120 @@
+"""Servos whose samples are long: how late they are, dry friction within a sample, and columns that are simulated."""
+
+from dataclasses import replace
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+from recorded import record, waves
+
+from fimpact.effects import EFFECTS
+from fimpact.recordings import Recording
+from fimpact.smoothing.columns import Simulated, candidates, columns, motion_scales
+from fimpact.smoothing.lateness import by_samples, lateness
+from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.smoother import Smoothed, smooth
+
+PERIOD = 0.02
+XML = """<mujoco><option timestep="0.002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
+<body><joint name="pivot" axis="0 1 0" damping="0.3" armature="0.03" frictionloss="{friction}"/>
+<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.02" mass="0.3"/></body></worldbody>
+<actuator><position name="servo" joint="pivot" kp="{kp}" kv="1" forcerange="-3 3"/></actuator>
+<sensor><jointpos name="angle" joint="pivot"/></sensor></mujoco>"""
+
+
+def followed(late: int = 0, friction: float = 0.0, kp: float = 300.0, noise: float = 3e-4) -> Recording:
+    """A servo that follows its targets so many samples late; what is recorded is the targets as they were given."""
+    xml, shift = XML.format(friction=friction, kp=kp), late + 1
+    targets = 0.4 + waves(150 + shift, [0.4], 1, PERIOD)
+    held = np.concatenate([np.repeat(targets[:1], late, 0), targets])[: len(targets)]
+    start = [(targets[0], np.zeros(1))]
+    found = record(xml, ["angle"], [held], noise, period=PERIOD, fine=200, starts=start)
+    return replace(found, runs=(replace(found.runs[0], ctrl=targets),))
+
+
+@pytest.mark.parametrize(("late", "named"), [(0, ()), (3, ("command_delay", "actuator_lag"))])
+def test_how_late_a_servo_is_shows_before_all_else(late, named):
+    made = prepare(followed(late))
+    assert {own.effect.name for own in made.late} <= set(named) and bool(made.late) == bool(named)
+    if named:
+        found = next(own for own in made.late if own.effect.name == "command_delay")
+        assert found.values["delay"] == pytest.approx(late * PERIOD, abs=PERIOD / 4)
+        assert by_samples(found, PERIOD).values["delay"] == pytest.approx(late * PERIOD)
+
+
+def test_what_is_lacking_of_a_drive_is_no_lag():
+    """Half of the rotor's inertia and of the damping are missing: that is late, too, but never nearly all of it."""
+    heavy = followed(kp=30.0)
+    light = heavy.xml.replace('armature="0.03"', 'armature="0.015"').replace('damping="0.3"', 'damping="0.15"')
+    made = prepare(replace(heavy, xml=light))
+    assert lateness(made.track, made.begun, made.noise) == ()
+
+
+def test_motors_that_hold_no_position_are_not_asked():
+    xml = '<motor name="servo" joint="pivot"/>'
+    own = followed()
+    begin, end = own.xml.index("<position"), own.xml.index("</actuator>")
+    assert prepare(replace(own, xml=own.xml[:begin] + xml + own.xml[end:])).late == ()
+
+
+@cache
+def made() -> tuple[Prepared, Smoothed]:
+    own = prepare(followed(friction=0.2), refine=4)
+    return own, smooth(own.track, own.begun, own.noise)
+
+
+def test_the_models_own_friction_stops_a_joint_at_once_within_a_long_sample():
+    own, fit = made()
+    still = np.zeros_like(fit.states.qvel)
+    plant = own.track.plant((), fit.theta, fit.states, still, np.ones_like(still))
+    assert own.track.long and not plant.dry.any()
+    ours = plant.step(fit.states, still).after.qpos
+    soft, sharp = (truth(fit, own.track.ctrl[:, 0], tight) for tight in (False, True))
+    off = [float(np.sqrt(((ours - theirs) ** 2).mean())) for theirs in (soft, sharp)]
+    assert off[1] < 0.3 * off[0]
+
+
+def truth(fit: Smoothed, targets: np.ndarray, tight: bool) -> np.ndarray:
+    """Angles a sample ahead of each state, by steps of 20 us; tight: with friction that follows its exact law."""
+    model = mujoco.MjModel.from_xml_string(XML.format(friction=0.2, kp=300.0))
+    model.opt.timestep = 2e-5
+    if tight:
+        model.dof_solref[:], model.dof_solimp[:, :2] = (4e-5, 1.0), 0.9999
+    data, out = mujoco.MjData(model), []
+    for qpos, qvel, target in zip(fit.states.qpos, fit.states.qvel, targets, strict=True):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, target
+        mujoco.mj_step(model, data, round(PERIOD / 2e-5))
+        out.append(data.qpos.copy())
+    return np.array(out)
+
+
+def test_columns_that_are_asked_for_again_are_simulated_truly():
+    own, fit = made()
+    names = ("coulomb", "viscous", "servo_kp", "command_delay", "sensor_bias")
+    tried = candidates([EFFECTS[name] for name in names], own.track, motion_scales(fit))
+    true, known = columns(fit, tried), Simulated()
+    rough = columns(fit, tried, known)
+    assert not np.array_equal(rough.innovations, true.innovations)
+    assert known.renew(tried)
+    again = columns(fit, tried, known)
+    np.testing.assert_array_equal(again.innovations, true.innovations)
+    assert not known.renew(tried)
+
+
+def test_what_was_true_of_another_trajectory_is_rough():
+    own, fit = made()
+    tried = candidates([EFFECTS["viscous"]], own.track, motion_scales(fit))
+    known = Simulated()
+    columns(fit, tried, known)
+    known.renew(tried)
+    columns(fit, tried, known)
+    columns(replace(fit, converged=fit.converged), tried, known)
+    assert known.renew(tried)
+
+
+def test_firmware_holds_an_arm_and_does_not_load_it():
+    own, fit = made()
+    (found,) = candidates([EFFECTS["gravity_compensation"]], own.track, motion_scales(fit))
+    assert found.positive == (True,)
