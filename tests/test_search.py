@@ -106,10 +106,12 @@ def test_of_what_is_as_good_and_as_early_the_simpler_is_chosen():
     assert result.chosen.option is offered[1]
 
 
-@pytest.mark.parametrize(("servos", "name"), [(True, "drive"), (False, "viscous@j2")])
-def test_under_servos_the_compound_comes_first(servos, name):
-    """However far it is behind, as long as it is more than chance; else what is likelier by far."""
-    own = regression({0: 0.3, 1: 0.3, 2: 0.8}, white(3), servos=servos)
+@pytest.mark.parametrize(
+    ("servos", "size", "name"), [(True, 0.5, "drive"), (True, 0.3, "viscous@j2"), (False, 0.3, "viscous@j2")]
+)
+def test_under_servos_the_compound_comes_first(servos, size, name):
+    """However much likelier another is, as long as the compound does most of what that does."""
+    own = regression({0: size, 1: size, 2: 0.8}, white(3), servos=servos)
     result = found(own, [Option("drive", 0, (0, 1), True), *alone(3)])
     assert result.tried[0].option.name == "viscous@j2"
     assert result.chosen.option.name == name
@@ -184,3 +186,10 @@ def test_the_budget_ends_a_search(monkeypatch, rounds, names):
     assert [law.name for law in result.final.placed] == names
     assert (result.final is result.naive) == (not rounds)
     assert made.track.quanta > forward.BUDGET or not rounds
+
+
+def test_what_holds_all_that_is_chosen_and_more_is_no_rival():
+    own = regression({0: 0.8}, white(2))
+    result = found(own, [Option("both", 2, (0, 1)), *alone(2)])
+    assert result.chosen.option.name == "viscous@j0"
+    assert not [trial for trial, _ in result.rivals if "viscous@j0" in trial.places]

@@ -5,17 +5,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
+from fimpact.deciding import BUDGET, LOUD, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
+from fimpact.effects import amounts
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.classes import DRIVE
+from fimpact.effects.sites import driven, has_servos
 from fimpact.selection.begin import at_typical_sizes, begun, held_by, in_midst, with_held
 from fimpact.selection.exchange import Exchange, exchanges
 from fimpact.selection.leftover import Leftover, leftover
 from fimpact.selection.limits import Limits
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
-from fimpact.selection.search import Round, Trial, has_servos, search, worth
-from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales
+from fimpact.selection.search import Round, Trial, search, worth
+from fimpact.smoothing.columns import Candidate, Simulated, candidates, columns, motion_scales
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
@@ -71,12 +73,23 @@ class Search:
         self.failed: set[str] = set()
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
+        self._first: tuple[Regression, Round] | None = None
+        self._simulated = Simulated()
         self.hint = 1.0  # chance of the strongest hint of the first round
 
     @property
     def spent(self) -> float:
-        """Simulations of all samples so far."""
+        """Simulations of all samples in fits so far."""
         return self.track.quanta
+
+    @property
+    def far(self) -> bool:
+        """Whether so much is missing beside what motors give that columns are no tangents."""
+        model, missing = self.track.model, np.sqrt(self.missing / self.track.count)
+        joints = driven(model)
+        lost = [missing[model.joint(joint).dofadr[0]] for joint in joints]
+        given = [amounts.applied(self.scales, model, joint) for joint in joints]
+        return any(own > LOUD * most for own, most in zip(lost, given, strict=True))
 
     def asks(self) -> bool:
         """Whether one more question may be asked."""
@@ -99,20 +112,41 @@ class Search:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
         return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
 
+    def align(self, late: Sequence[Placed]) -> None:
+        """Refit with each of the ways in which motors may be late, and keep the likeliest; what is missing is what is
+        missing once the clocks agree."""
+        fits, known = [], {c.name: c for c in self.candidates}
+        for own in (own for own in late if own.name in known):
+            candidate = known[own.name]
+            placed = replace(own, sizes=candidate.sizes, ranges=candidate.ranges)
+            self.progress(f"selecting: {own.name}, which nearly all that the next sample misses may be")
+            fit = smooth(self.track, self.begun, self.noise, (placed,), (candidate.priors,), progress=self.progress)
+
+            fits += [fit] if fit.converged and fit.loss() < self.naive.loss() else []
+        if not fits:
+            return
+        best = min(fits, key=lambda fit: fit.loss())
+        self.current, self.missing, self.hint = best, (best.tau**2).sum(0), 0.0
+        weights = [
+            (fit, float(np.exp((best.loss() - fit.loss()) / best.dispersion))) for fit in fits if fit is not best
+        ]
+        self.alternatives = [Alternative(fit.placed, fit.theta, w) for fit, w in weights if w > UNLIKELY]
+        self.dropped |= {own.name for own in late}
+
     def drive(self) -> None:
         """Refit with a geared drive at every driven joint, and keep what bears something.
 
         Under servos, and where a sample is long against the drive, a column at zero is wrong, and one kind of physics
-        alone goes wrong at each joint: the compound is refitted whatever its columns say.
+        alone goes wrong at each joint: the compound is refitted whatever its columns say, but where little is missing
+        of what motors give and another does more than twice as much.
         """
-        tried = [c for c in self.open(False) if c.effect.name in DRIVE]
-        if not (self.coupled and tried):
+        tried = self.open(False)
+        if not (self.coupled and any(c.effect.name in DRIVE for c in tried)):
             return
-        regression = Regression(self.current, columns(self.current, tried))
-        offered = options(self.track.model, self.track.recording.channels, tried)
-        found = search(regression, [option for option in offered if option.compound], self.missing, SHARE)
-        trial = next(iter(found.tried), None)
-        if trial is None:
+        regression, found = self.searched(tried, self.missing, SHARE)
+        self._first = regression, found
+        trial = next((t for t in found.tried if t.option.compound), None)
+        if trial is None or (not self.far and found.chosen and found.tried[0].gain > 2 * trial.gain):
             return
         self.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
         best = self.alike(self.refitted(regression, self.whole(trial, regression)))
@@ -124,6 +158,23 @@ class Search:
             self.failed.add(trial.option.name)
         else:
             self.dropped.clear()
+
+    def searched(self, tried: list[Candidate], missing: np.ndarray, floor: float) -> tuple[Regression, Round]:
+        """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""
+        steps, offered = self.track.steps, self.offered(tried)
+        while True:
+            regression = Regression(self.current, columns(self.current, tried, self._simulated))
+            found = search(regression, offered, missing, floor)
+            most = max((t.gain for t in found.tried), default=0.0)
+            best = [t for t in found.tried if t.p < P_ALARM and 2 * t.gain >= most]
+            if not self._simulated.renew([tried[i] for t in best for i in t.option.members]):
+                self.track.steps = steps  # one pass a round, however many places there are
+                return regression, found
+
+    def offered(self, tried: list[Candidate]) -> list[Option]:
+        """Options of what is tried, without those that failed or are not to be asked."""
+        found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
+        return [option for option in found if option.name not in self.failed]
 
     def alike(self, fit: Smoothed) -> Smoothed:
         """`fit`, or the likelier one that begins with what lies far from its like at other joints in their midst: the
@@ -139,11 +190,12 @@ class Search:
         tried = self.open(small)
         if not tried:
             return False
-        regression = Regression(self.current, columns(self.current, tried))
-        offered = options(self.track.model, self.track.recording.channels, tried)
-        offered = [option for option in self.limits.options(offered) if option.name not in self.failed]
-        missing = self.left() if small else self.missing
-        found = search(regression, offered, missing, REFINES if small else SHARE)
+        missing, offered = self.left() if small else self.missing, self.offered(tried)
+        if self._first and self._first[0].smoothed is self.current:
+            regression, found = self._first
+        else:
+            regression, found = self.searched(tried, missing, REFINES if small else SHARE)
+        self._first = None
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
@@ -293,13 +345,18 @@ class Search:
 
 def explain(
     track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
-    limits: Limits | None = None,
+    limits: Limits | None = None, late: Sequence[Placed] = (),
 ) -> Explanation:  # fmt: skip
     """Find what is missing: classes of physics first, then single odd effects, then small refinements of both, as far
-    as `limits` go."""
+    as `limits` go.
+
+    Args:
+        late: how late all motors may be, as the readings show it before anything else is known.
+    """
     limits = limits or Limits()
     state = Search(track, begun, noise, limits.effects(effects), progress)
     state.limits = limits
+    state.align(late)
     if state.asks():
         state.drive()
     while state.asks() and state.round():

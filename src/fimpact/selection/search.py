@@ -8,12 +8,11 @@ the earlier in the engineer's order; all that data cannot tell from it is its se
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 from scipy import stats
 
 from fimpact.deciding import BELIEF, P_ALARM, TIED, UNLIKELY
-from fimpact.effects.sites import measured_by
+from fimpact.effects.sites import has_servos, measured_by
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, chance
 from fimpact.smoothing.smoother import inverse_of_push
@@ -71,8 +70,8 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     if not good:
         return Round(None, (), tuple(tried))
     behind = [(t, lag(regression, good[0], t)) for t in good]
-    allowed = {True: np.inf if has_servos(regression.smoothed.track.model) else -2 * np.log(UNLIKELY), False: TIED}
-    tied = [t for t, own in behind if own < allowed[t.option.compound]]
+    allowed = {True: -2 * np.log(UNLIKELY), False: TIED}
+    tied = [t for t, own in behind if own < allowed[t.option.compound] or _comes_first(regression, t, good[0])]
     chosen = min(tied, key=lambda t: (t.option.order, len(t.estimate.kept), -t.gain))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     return Round(
@@ -82,16 +81,24 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     )
 
 
+def _comes_first(regression: Regression, trial: Trial, best: Trial) -> bool:
+    """Whether it is the compound under servos, and does most of what the best does: there a column at zero is wrong,
+    and one kind of physics alone goes wrong at every joint."""
+    return trial.option.compound and has_servos(regression.smoothed.track.model) and 2 * trial.gain > best.gain
+
+
 def rivals_of(regression: Regression, chosen: Trial, others: Sequence[Trial]) -> tuple[tuple[Trial, float], ...]:
     """What is as likely as `chosen`, with its marginal likelihood beside its 1, likeliest first: a rival need not be as
-    sure as what is chosen, and a class of which one member is left is that member."""
+    sure as what is chosen, and a class of which one member is left is that member. What holds all that is chosen and
+    more is no rival: more is asked for in the next round."""
     own = regression.evidence(chosen.estimate)
     weights = [(trial, float(np.exp(min(regression.evidence(trial.estimate) - own, 700.0)))) for trial in others]
     least = UNLIKELY * max((weight for _, weight in weights), default=1.0)
-    seen, found = {places_of(regression, chosen.estimate)}, []
+    first = places_of(regression, chosen.estimate)
+    seen, found = {first}, []
     for trial, weight in sorted(weights, key=lambda pair: -pair[1]):
         places = places_of(regression, trial.estimate)
-        if places not in seen and weight > least:
+        if places not in seen and not set(first) < set(places) and weight > least:
             seen.add(places)
             found.append((trial, weight))
     return tuple(found)
@@ -113,12 +120,6 @@ def places_of(regression: Regression, estimate: Estimate) -> tuple[str, ...]:
     owners, tried = regression.columns.owners, regression.columns.candidates
     names = [tried[owners[c - regression.p][0]].name for c in estimate.kept if c >= regression.p]
     return tuple(dict.fromkeys(names))
-
-
-def has_servos(model: mujoco.MjModel) -> bool:
-    """Whether motors hold positions: under them one kind of physics alone goes wrong at every joint, and the compound
-    of what every geared drive has comes first."""
-    return bool(model.actuator_biasprm[:, 1].any())
 
 
 def attempt(regression: Regression, now: Estimate, errors, forces, missing, option: Option) -> Trial | None:
