@@ -23,7 +23,7 @@ def diagnosis_of(
     """A diagnosis as it would be had the search answered the effects `answer`, ``effect@site`` each, and kept each of
     the effects `rivals` as an alternative with weight .4."""
 
-    def explain(track, begun, noise, effects, progress, limits):
+    def explain(track, begun, noise, effects, progress, limits, late):
         prepared = Prepared(track, begun, noise)
         naive = smooth(track, begun, noise)
         final = _forced(prepared, naive, answer) if answer else naive

@@ -36,6 +36,6 @@ def fit_freed(prepared: Prepared, begun: States) -> tuple[Simulator, Hypothesis]
     """
     recording = freed(prepared.track.recording)
     coarse = round(Simulator(prepared.track.recording).base.opt.timestep / prepared.track.simulator.base.opt.timestep)
-    track = Track(Simulator(recording, max(coarse, 1)), prepared.track.runs)
+    track = Track(Simulator(recording, max(coarse, 1), prepared.proving.apart), prepared.track.runs)
     found = smooth(track, begun, prepared.noise)
     return track.simulator, Hypothesis(found.theta)

@@ -85,9 +85,11 @@ def diagnose(
     """
     progress("preparing the recordings")
     prepared = prepare(recording)
-    found = explain(prepared.track, prepared.begun, prepared.noise, list(EFFECTS.values()), progress, limits)
+    found = explain(
+        prepared.track, prepared.begun, prepared.noise, list(EFFECTS.values()), progress, limits, prepared.late
+    )
     naive, best = Hypothesis(found.naive.theta), Hypothesis(found.final.theta, found.final.placed)
-    models = {"naive": (prepared.simulator, naive), "improved": (prepared.simulator, best)}
+    models = {"naive": (prepared.proving, naive), "improved": (prepared.proving, best)}
     if recording.held_out:
         progress("proving on held-out runs")
     if recording.held_out and not brief:

@@ -150,7 +150,7 @@ def _refined(models: Mapping[str, tuple[Simulator, Hypothesis]], fits: dict[str,
 def _finer(simulator: Simulator, factor: int) -> Simulator:
     """The same at a step a `factor` finer."""
     own = Simulator(simulator.recording).base.opt.timestep / simulator.base.opt.timestep
-    return Simulator(simulator.recording, factor * max(round(own), 1))
+    return Simulator(simulator.recording, factor * max(round(own), 1), simulator.apart)
 
 
 def _plain(value: float) -> float | None:
