@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 from fimpact.deciding import BELIEF, P_ALARM, TIED, UNLIKELY
-from fimpact.effects.sites import has_servos, measured_by
+from fimpact.effects.sites import measured_by
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, chance
 from fimpact.smoothing.smoother import inverse_of_push
@@ -71,7 +71,7 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
         return Round(None, (), tuple(tried))
     behind = [(t, lag(regression, good[0], t)) for t in good]
     allowed = {True: -2 * np.log(UNLIKELY), False: TIED}
-    tied = [t for t, own in behind if own < allowed[t.option.compound] or _comes_first(regression, t, good[0])]
+    tied = [t for t, own in behind if own < allowed[t.option.compound]]
     chosen = min(tied, key=lambda t: (t.option.order, len(t.estimate.kept), -t.gain))
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     return Round(
@@ -79,12 +79,6 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
         rivals_of(regression, chosen, [*likely, *blends(regression, now, errors, forces, missing, likely)]),
         tuple(tried),
     )
-
-
-def _comes_first(regression: Regression, trial: Trial, best: Trial) -> bool:
-    """Whether it is the compound under servos, and does most of what the best does: there a column at zero is wrong,
-    and one kind of physics alone goes wrong at every joint."""
-    return trial.option.compound and has_servos(regression.smoothed.track.model) and 2 * trial.gain > best.gain
 
 
 def rivals_of(regression: Regression, chosen: Trial, others: Sequence[Trial]) -> tuple[tuple[Trial, float], ...]:
