@@ -146,7 +146,10 @@ class Search:
         regression, found = self.searched(tried, self.missing, SHARE)
         self._first = regression, found
         trial = next((t for t in found.tried if t.option.compound), None)
-        if trial is None or (not self.far and found.chosen and found.tried[0].gain > 2 * trial.gain):
+        if trial is None:
+            return
+        if not self.far and found.chosen and found.tried[0].gain > 2 * trial.gain:
+            self.failed.add(trial.option.name)  # its kinds and places are asked one by one
             return
         self.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
         best = self.alike(self.refitted(regression, self.whole(trial, regression)))
