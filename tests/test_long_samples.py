@@ -10,14 +10,16 @@ from recorded import record, waves
 
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
-from fimpact.smoothing.columns import Simulated, candidates, columns, motion_scales
+from fimpact.selection.forward import Search
+from fimpact.smoothing.columns import candidates, columns, motion_scales, units
 from fimpact.smoothing.lateness import by_samples, lateness
 from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
 
 PERIOD = 0.02
 XML = """<mujoco><option timestep="0.002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
-<body><joint name="pivot" axis="0 1 0" damping="0.3" armature="0.03" frictionloss="{friction}"/>
+<body name="link"><joint name="pivot" axis="0 1 0" damping="0.3" armature="0.03" frictionloss="{friction}"/>
 <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.02" mass="0.3"/></body></worldbody>
 <actuator><position name="servo" joint="pivot" kp="{kp}" kv="1" forcerange="-3 3"/></actuator>
 <sensor><jointpos name="angle" joint="pivot"/></sensor></mujoco>"""
@@ -97,10 +99,10 @@ def test_columns_that_are_asked_for_again_are_simulated_truly():
     true, known = columns(fit, tried), Simulated()
     rough = columns(fit, tried, known)
     assert not np.array_equal(rough.innovations, true.innovations)
-    assert known.renew(tried)
+    assert known.renew(units(tried))
     again = columns(fit, tried, known)
     np.testing.assert_array_equal(again.innovations, true.innovations)
-    assert not known.renew(tried)
+    assert not known.renew(units(tried))
 
 
 def test_what_was_true_of_another_trajectory_is_rough():
@@ -108,13 +110,36 @@ def test_what_was_true_of_another_trajectory_is_rough():
     tried = candidates([EFFECTS["viscous"]], own.track, motion_scales(fit))
     known = Simulated()
     columns(fit, tried, known)
-    known.renew(tried)
+    known.renew(units(tried))
     columns(fit, tried, known)
     columns(replace(fit, converged=fit.converged), tried, known)
-    assert known.renew(tried)
+    assert known.renew(units(tried))
 
 
 def test_firmware_holds_an_arm_and_does_not_load_it():
     own, fit = made()
     (found,) = candidates([EFFECTS["gravity_compensation"]], own.track, motion_scales(fit))
     assert found.positive == (True,)
+
+
+def search_of(recording: Recording) -> Search:
+    made = prepare(recording)
+    effects = [EFFECTS[name] for name in ("coulomb", "viscous", "rotor_inertia", "payload")]
+    return Search(made.track, made.begun, made.noise, effects, lambda line: None)
+
+
+def test_where_little_is_missing_and_another_does_far_more_the_compound_is_declined():
+    """A heavier link than the model has, and a little of its damping is missing."""
+    heavy = followed()
+    naive = heavy.xml.replace('mass="0.3"', 'mass="0.1"').replace('damping="0.3"', 'damping="0.28"')
+    search = search_of(replace(heavy, xml=naive))
+    search.drive()
+    assert not search.far and search.failed == {"geared drive"} and not search.current.placed
+
+
+def test_where_much_is_missing_the_compound_is_refitted_whatever_its_columns_say():
+    drive = followed(kp=30.0)
+    light = drive.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(drive, xml=light))
+    search.drive()
+    assert search.far and {"viscous@pivot", "rotor_inertia@pivot"} <= {law.name for law in search.current.placed}

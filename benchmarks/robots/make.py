@@ -109,12 +109,11 @@ def stripped(path: Path) -> str:
 
 def record(robot: str, truth: mujoco.MjModel, touching: mujoco.MjModel, late: float, rng: np.random.Generator) -> tuple:
     """One log in free air: time, targets and positions in rad; `touching`: the model with what it may touch."""
-    reach = 1.0
-    while True:
-        log = move(robot, truth, late, reach, rng)
+    for share in 0.9 ** np.arange(20):
+        log = move(robot, truth, late, share, rng)
         if not touches(touching, log[2]):
             return log
-        reach *= 0.9
+    raise SystemExit(f"{robot} touches itself however little it moves: give it another home")
 
 
 def touches(model: mujoco.MjModel, positions: np.ndarray) -> bool:

@@ -94,7 +94,7 @@ def _blackbox(recording: Recording):
 
 def _judged(prepared: Prepared, hypothesis: Hypothesis) -> tuple[str, dict[str, float]]:
     """The unit, and the error of each held-out run."""
-    proof = prove(prepared, {"peer": (prepared.simulator, hypothesis)})
+    proof = prove(prepared, {"peer": (prepared.proving, hypothesis)})
     if proof is None:
         return "", {}
     return proof.unit, {row["run"]: np.nan if row["error_peer"] is None else row["error_peer"] for row in proof.runs}

@@ -54,7 +54,7 @@ SMOOTHER = (
 PROOF = ["quiet", "deciding", "recordings", "units", "visuals", "diagnosis/freed", "diagnosis/proof"]
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
 PROOF += [f"effects/{name}" for name in EFFECTS.split() if name != "classes"]
-FINDING = [*PROOF, "smoothing/columns", "effects/classes"]
+FINDING = [*PROOF, "smoothing/columns", "smoothing/simulated", "effects/classes"]
 FINDING += [f"selection/{name}" for name in "begin exchange forward leftover limits options regression search".split()]
 FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
 DESIGNING = [f"experiments/{name}" for name in "described design limits separation".split()]

@@ -28,5 +28,5 @@ def _oracle(recording: Recording, truth: Truth) -> float | None:
     prepared = prepare(recording)
     naive = smooth(prepared.track, prepared.begun, prepared.noise)
     known = fit_forced(prepared, naive, [(EFFECTS[effect.name], effect.site) for effect in truth.effects])
-    proof = prove(prepared, {"oracle": (prepared.simulator, Hypothesis(known.theta, known.placed))})
+    proof = prove(prepared, {"oracle": (prepared.proving, Hypothesis(known.theta, known.placed))})
     return held_out_error(proof.runs, "oracle") if proof else None

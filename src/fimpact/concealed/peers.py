@@ -61,7 +61,7 @@ def compare(recording: Recording, peers: Sequence[str], report: Report = lambda 
 
 
 def _error(prepared: Prepared, hypothesis: Hypothesis) -> float | None:
-    proof = prove(prepared, {"peer": (prepared.simulator, hypothesis)})
+    proof = prove(prepared, {"peer": (prepared.proving, hypothesis)})
     return held_out_error(proof.runs, "peer") if proof else None
 
 

@@ -17,8 +17,9 @@ from fimpact.selection.limits import Limits
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
-from fimpact.smoothing.columns import Candidate, Simulated, candidates, columns, motion_scales
+from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales, units
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
+from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
@@ -119,9 +120,8 @@ class Search:
         for own in (own for own in late if own.name in known):
             candidate = known[own.name]
             placed = replace(own, sizes=candidate.sizes, ranges=candidate.ranges)
-            self.progress(f"selecting: {own.name}, which nearly all that the next sample misses may be")
+            self.progress(f"selecting: {own.name}, which takes away nearly all that the next sample misses")
             fit = smooth(self.track, self.begun, self.noise, (placed,), (candidate.priors,), progress=self.progress)
-
             fits += [fit] if fit.converged and fit.loss() < self.naive.loss() else []
         if not fits:
             return
@@ -170,7 +170,7 @@ class Search:
             found = search(regression, offered, missing, floor)
             most = max((t.gain for t in found.tried), default=0.0)
             best = [t for t in found.tried if t.p < P_ALARM and 2 * t.gain >= most]
-            if not self._simulated.renew([tried[i] for t in best for i in t.option.members]):
+            if not self._simulated.renew(units([tried[i] for t in best for i in t.option.members])):
                 self.track.steps = steps  # one pass a round, however many places there are
                 return regression, found
 
@@ -359,7 +359,8 @@ def explain(
     limits = limits or Limits()
     state = Search(track, begun, noise, limits.effects(effects), progress)
     state.limits = limits
-    state.align(late)
+    if state.asks():
+        state.align(late)
     if state.asks():
         state.drive()
     while state.asks() and state.round():

@@ -19,6 +19,7 @@ from fimpact.smoothing.filtering import swept
 from fimpact.smoothing.inverse import edits
 from fimpact.smoothing.laws import DRY, acts_of, expected_sign, middle, predicted_commands, reading_of, speed_doubt
 from fimpact.smoothing.response import Change, Response
+from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Plant, Track
@@ -105,45 +106,6 @@ def at(effect: Effect, site: str, model: mujoco.MjModel, scales: Scales) -> list
     return found
 
 
-class Simulated:
-    """What was simulated for columns of one track, where a sample is long and so all edits of the model are.
-
-    At first each is simulated at the model's own time step, or stands from an earlier trajectory: enough to say what
-    is worth more. `renew` asks for the true ones.
-    """
-
-    def __init__(self):
-        self.of: Smoothed | None = None
-        self.rough: dict[str, Change] = {}
-        self.true: dict[str, Change] = {}
-        self.wanted: set[str] = set()
-
-    def along(self, smoothed: Smoothed) -> None:
-        """Forget what is true of another trajectory."""
-        if smoothed is not self.of:
-            self.rough |= self.true
-            self.of, self.true, self.wanted = smoothed, {}, set()
-
-    def renew(self, candidates: Sequence[Candidate]) -> bool:
-        """Whether any of these candidates is but rough yet; then it is wanted."""
-        keys = {_key(_unit(c, i)) for c in candidates for i in range(len(c.names))}
-        self.wanted = (keys & set(self.rough)) - set(self.true)
-        return bool(self.wanted)
-
-    def change(self, law: Placed, made: "_Maker") -> Change:
-        """What `law` does, as well as it is asked for."""
-        key = _key(law)
-        if key in self.wanted:
-            self.true[key] = made(law)
-        elif key not in self.true and key not in self.rough:
-            self.rough[key] = made.rough(law)
-        return self.true.get(key) or self.rough[key]
-
-
-def _key(law: Placed) -> str:
-    return f"{law.name} {law.values}"
-
-
 def columns(smoothed: Smoothed, tried: Sequence[Candidate], known: Simulated | None = None) -> Columns:
     """Whitened columns of everything that is tried; what changes nothing, or diverges, is left out.
 
@@ -151,11 +113,16 @@ def columns(smoothed: Smoothed, tried: Sequence[Candidate], known: Simulated | N
         known: what was simulated for earlier columns of the same track.
     """
     asked = [(index, amplitude) for index, own in enumerate(tried) for amplitude in range(len(own.names))]
-    laws = [_unit(tried[index], amplitude) for index, amplitude in asked]
+    laws = units(tried)
     shares = [_share(tried[index]) for index, _ in asked]
     found = [change.scaled(1 / share) for change, share in zip(changes(smoothed, laws, known), shares, strict=True)]
     kept = [i for i, change in enumerate(found) if change.finite]
     return _swept(smoothed, [found[i] for i in kept], tuple(tried), tuple(asked[i] for i in kept))
+
+
+def units(tried: Sequence[Candidate]) -> list[Placed]:
+    """What is made for the columns of these candidates."""
+    return [_unit(candidate, amplitude) for candidate in tried for amplitude in range(len(candidate.names))]
 
 
 def _share(candidate: Candidate) -> float:
@@ -183,7 +150,7 @@ def changes(smoothed: Smoothed, laws: Sequence[Placed], known: Simulated | None 
     known.along(smoothed)
     simulated = [law.effect.enters in ("model", "command") for law in laws]
     for i in [i for i in range(len(laws)) if i not in found]:
-        found[i] = known.change(laws[i], made) if simulated[i] else made(laws[i])
+        found[i] = known.change(laws[i], made, made.rough) if simulated[i] else made(laws[i])
     return [found[i] for i in range(len(laws))]
 
 
