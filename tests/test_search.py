@@ -186,3 +186,9 @@ def test_what_holds_all_that_is_chosen_and_more_is_no_rival():
 def test_a_compound_that_is_far_behind_is_not_chosen():
     own = regression({0: 0.3, 1: 0.3, 2: 0.8}, white(3))
     assert found(own, [Option("drive", 0, (0, 1), True), *alone(3)]).chosen.option.name == "viscous@j2"
+
+
+def test_no_share_is_more_than_all_that_was_missing():
+    own = regression({0: 0.8}, white(1))
+    little = 1e-3 * (own.columns.forces[:, :, 0] ** 2).sum(0)
+    assert search(own, alone(1), little, SHARE).chosen.share == 1.0

@@ -131,7 +131,8 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     place, better = int(np.argmax(taken)), errors - left
     # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
     relief = regression.tension(now) - regression.tension(found)
-    share = 1.0 if relief > better.sum() and relief > 0 else float(taken[place])
+    # Where the smoother leaves next to no force, what shows in the readings is all of it, and not many times it.
+    share = 1.0 if relief > better.sum() and relief > 0 else min(float(taken[place]), 1.0)
     if all(_is_no_force(regression, i) for i in option.members):
         share = max(share, float(better.sum() / errors.sum()))
     error = float(better.std() * np.sqrt(len(better)))
