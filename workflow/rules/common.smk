@@ -48,7 +48,7 @@ CASE = (
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()
 SMOOTHER = (
-    "filtering inverse kalman lateness laws levels linear parameters prepare response rubbing smoother states step "
+    "commands filtering inverse kalman lateness laws levels linear parameters prepare response rubbing smoother states step "
     "stretches track"
 ).split()
 PROOF = ["quiet", "deciding", "recordings", "units", "visuals", "diagnosis/freed", "diagnosis/proof"]

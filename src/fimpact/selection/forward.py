@@ -18,6 +18,7 @@ from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
 from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales, units
+from fimpact.smoothing.lateness import LATE, Way
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
 from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
@@ -113,25 +114,29 @@ class Search:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
         return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
 
-    def align(self, late: Sequence[Placed]) -> None:
+    def align(self, late: Sequence[Way]) -> None:
         """Refit with each of the ways in which motors may be late, and keep the likeliest; what is missing is what is
         missing once the clocks agree."""
         fits, known = [], {c.name: c for c in self.candidates}
-        for own in (own for own in late if own.name in known):
-            candidate = known[own.name]
-            placed = replace(own, sizes=candidate.sizes, ranges=candidate.ranges)
-            self.progress(f"selecting: {own.name}, which takes away nearly all that the next sample misses")
-            fit = smooth(self.track, self.begun, self.noise, (placed,), (candidate.priors,), progress=self.progress)
-            fits += [fit] if fit.converged and fit.loss() < self.naive.loss() else []
+        for way in (way for way in late if all(own.name in known for own in way)):
+            asked = [known[own.name] for own in way]
+            placed = [replace(own, sizes=c.sizes, ranges=c.ranges) for own, c in zip(way, asked, strict=True)]
+            self.progress(f"selecting: {way[0].name}, which takes away nearly all that the next samples miss")
+            fit = smooth(self.track, self.begun, self.noise, placed, [c.priors for c in asked], progress=self.progress)
+            if len(way) == 1 and fit.converged:
+                self.missing = np.minimum(self.missing, (fit.tau**2).sum(0))
+            fits.append(fit)
+        fits = [self.pruned(fit, self.missing, False) for fit in fits if fit.converged]
+        fits = [fit for fit in fits if fit.converged and fit.loss() < self.naive.loss()]
         if not fits:
             return
         best = min(fits, key=lambda fit: fit.loss())
-        self.current, self.missing, self.hint = best, (best.tau**2).sum(0), 0.0
+        self.current, self.hint = best, 0.0
         weights = [
             (fit, float(np.exp((best.loss() - fit.loss()) / best.dispersion))) for fit in fits if fit is not best
         ]
         self.alternatives = [Alternative(fit.placed, fit.theta, w) for fit, w in weights if w > UNLIKELY]
-        self.dropped |= {own.name for own in late}
+        self.dropped = {own.name for way in late for own in way if own.effect.name in LATE}
 
     def drive(self) -> None:
         """Refit with a geared drive at every driven joint, and keep what bears something.
@@ -148,7 +153,7 @@ class Search:
         trial = next((t for t in found.tried if t.option.compound), None)
         if trial is None:
             return
-        if not self.far and found.chosen and found.tried[0].gain > 2 * trial.gain:
+        if not self.far and found.tried[0].gain > 2 * trial.gain:
             self.failed.add(trial.option.name)  # its kinds and places are asked one by one
             return
         self.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
@@ -348,7 +353,7 @@ class Search:
 
 def explain(
     track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
-    limits: Limits | None = None, late: Sequence[Placed] = (),
+    limits: Limits | None = None, late: Sequence[Way] = (),
 ) -> Explanation:  # fmt: skip
     """Find what is missing: classes of physics first, then single odd effects, then small refinements of both, as far
     as `limits` go.

@@ -186,7 +186,8 @@ class _Maker:
         # The trajectory of the last derivatives is as good as the last one for what they decide.
         self.response = self._response(smoothed.linear.plant)
         self.plant = self.response.plant
-        self.told = predicted_commands(self.track, self.plant.ctrl, smoothed.tau)
+        given = self.plant.ctrl
+        self.told = replace(given, values=predicted_commands(self.track, given.values, smoothed.tau))
 
     def _response(self, plant: Plant) -> Response:
         smoothed = self.smoothed
@@ -246,7 +247,7 @@ class _Maker:
         dof, gear = model.jnt_dofadr[joint], model.actuator_gear[motor, 0]
         gain, bias = model.actuator_gainprm[motor], model.actuator_biasprm[motor]
         length, speed = gear * states.qpos[:, model.jnt_qposadr[joint]], gear * states.qvel[:, dof]
-        given = gain[0] * self.plant.ctrl[:, 0, motor] + bias[0] + bias[1] * length + bias[2] * speed
+        given = gain[0] * self.plant.ctrl.values[:, 0, motor] + bias[0] + bias[1] * length + bias[2] * speed
         if model.actuator_forcelimited[motor]:
             given = np.clip(given, *model.actuator_forcerange[motor])
         return float(np.quantile(np.abs(given + self.smoothed.tau[:, dof] / gear), 0.99))
