@@ -11,7 +11,8 @@ from recorded import record, waves
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.forward import Search
-from fimpact.smoothing.columns import candidates, columns, motion_scales, units
+from fimpact.smoothing.candidates import candidates
+from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.lateness import by_samples, lateness
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.simulated import Simulated

@@ -17,7 +17,8 @@ from fimpact.selection.limits import Limits
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
-from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales, units
+from fimpact.smoothing.candidates import Candidate, candidates
+from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
 from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
