@@ -1,7 +1,7 @@
 """What `fimpact check` says of the motions of a case, before anything is fitted."""
 
 from fimpact.identifiability.sight import look
-from fimpact.identifiability.wording import told
+from fimpact.identifiability.wording import HEADINGS, told
 from fimpact.recordings import Recording
 
 
@@ -13,8 +13,9 @@ def shown_by_motions(recording: Recording) -> list[str]:
     found = told(sight.judge.judged(), sight.judge.asked, sight)
     if not found:
         return [f"these motions show, and tell apart, all {len(sight.judge.asked)} parameters and effects asked first"]
-    lines = ["what these motions cannot show, of what one would suspect first, each of its usual size:"]
-    for heading, apart in (("not at all", False), ("not apart", True)):
-        for own in (one for one in found if one.apart == apart):
-            lines += [f"  {heading}: {own.what}", *([f"    {own.motion}"] if own.motion else [])]
+    lines, last = [], ""
+    for own in found:
+        lines += [f"{HEADINGS[own.kind]}:"] if own.kind != last else []
+        lines += [f"  {own.what}", *([f"    {own.motion}"] if own.motion else [])]
+        last = own.kind
     return lines

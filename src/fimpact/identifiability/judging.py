@@ -39,10 +39,12 @@ class Asked:
 @dataclass(frozen=True)
 class Judged:
     """unseen: what the data do not show, with the squares by which it shows. alike: groups, of two or more names, of
-    which each passes for another of its group."""
+    which each passes for another of its group. swallowed: what no other one, but all that is fitted together takes up.
+    """
 
     unseen: dict[str, float]
     alike: tuple[tuple[str, ...], ...]
+    swallowed: tuple[str, ...] = ()
 
 
 class Judge:
@@ -57,33 +59,42 @@ class Judge:
         """The same with further data."""
         return Judge(self.information + information, self.known, self.asked)
 
+    def longer(self) -> "Judge":
+        """The same with as much again of the same data."""
+        return self.with_more(self.information)
+
     def judged(self) -> Judged:
         """Judge everything: what is unseen alone, and of the rest what passes for something else."""
         alone = {own.name: self.shows(own) for own in self.asked}
-        seen = [own for own in self.asked if alone[own.name] >= NEEDED]
-        taken = {own.name: self.taken_up(own) for own in seen}
-        pairs = [(name, other.name) for name, others in taken.items() for other in others]
-        pairs += self._alike([own for own in seen if not own.free and not taken[own.name]])
         unseen = {name: size for name, size in alone.items() if size < NEEDED}
-        return Judged(unseen, _groups(pairs, [own.name for own in self.asked]))
+        seen = [own for own in self.asked if own.name not in unseen]
+        taken = {own.name: self.taken_up(own) for own in seen if self._open(own) < NEEDED}
+        pairs = [(name, other.name) for name, other in taken.items() if other]
+        pairs += self._alike([own for own in seen if not own.free and own.name not in taken])
+        groups = _groups(pairs, [own.name for own in self.asked])
+        joined = {name for group in groups for name in group}
+        return Judged(unseen, groups, tuple(name for name in taken if name not in joined))
 
     def parted(self, names: Sequence[str]) -> list[tuple[str, ...]]:
-        """These names by groups that cannot be told apart; what is not seen is in none."""
+        """These names by groups that cannot be told apart; what is not seen, or swallowed, is in none."""
         found = self.judged()
         groups = [tuple(name for name in own if name in names) for own in found.alike]
-        joined = {name for own in groups for name in own}
-        return [own for own in groups if own] + [(n,) for n in names if n not in joined | set(found.unseen)]
+        gone = {name for own in groups for name in own} | set(found.unseen) | set(found.swallowed)
+        return [own for own in groups if own] + [(name,) for name in names if name not in gone]
 
-    def taken_up(self, one: Asked) -> list[Asked]:
-        """What is fitted anyway and takes `one` up: the one number that does it alone, else all that have a part."""
-        fitted = [own for own in self.fitted if own is not one]
-        if self.shows(one, [c for own in fitted for c in own.columns]) >= NEEDED:
-            return []
-        left = {own.name: self.shows(one, own.columns) for own in fitted}
-        first = min(fitted, key=lambda own: left[own.name])
-        if left[first.name] < NEEDED:
-            return [first]
-        return [own for own in fitted if left[own.name] < (1 - UNLIKELY) * self.shows(one)] or fitted
+    def clear(self, one: Asked) -> bool:
+        """Whether it is seen, whatever is fitted anyway."""
+        return self.shows(one) >= NEEDED and self._open(one) >= NEEDED
+
+    def taken_up(self, one: Asked) -> Asked | None:
+        """The one number, seen itself, that is fitted anyway and alone takes `one` up."""
+        fitted = [own for own in self.fitted if own is not one and self.shows(own) >= NEEDED]
+        left = [self.shows(one, own.columns) for own in fitted]
+        return fitted[int(np.argmin(left))] if min(left, default=np.inf) < NEEDED else None
+
+    def _open(self, one: Asked) -> float:
+        """Squares by which it shows once all that is fitted anyway has taken its share."""
+        return self.shows(one, [c for own in self.fitted if own is not one for c in own.columns])
 
     def shows(self, one: Asked, beside: Sequence[int] = ()) -> float:
         """Squares by which `one` of its usual size shows once the columns `beside` have taken up what they can."""

@@ -36,21 +36,50 @@ class Commands:
     rows: np.ndarray
 
 
+class Bench:
+    """A copy of a model that is edited again and again: copying a model with meshes takes longer than all else."""
+
+    def __init__(self, model: mujoco.MjModel):
+        self.model, self.own, self.data = model, copy.copy(model), mujoco.MjData(model)
+
+    def edited(self, edit: Callable[[mujoco.MjModel], None]) -> mujoco.MjModel:
+        """The model as `edit` leaves it, until the next one."""
+        for name in (*EDITED, *DRIVING, *DRY):
+            getattr(self.own, name)[:] = getattr(self.model, name)
+        self.own.opt.gravity[:] = self.model.opt.gravity
+        edit(self.own)
+        return self.own
+
+    def numbers(self, edit: Callable[[mujoco.MjModel], None]) -> frozenset[tuple[str, int]]:
+        """Which numbers of the model an edit changes."""
+        after, found = self.edited(edit), set()
+        for name in (*EDITED, *DRIVING, *DRY[:1]):
+            changed = np.flatnonzero(np.asarray(getattr(after, name) != getattr(self.model, name)))
+            found |= {(name, int(row)) for row in changed}
+        weight = [] if np.array_equal(after.opt.gravity, self.model.opt.gravity) else [("gravity", 0)]
+        return frozenset([*found, *weight])
+
+
 @dataclass(frozen=True)
 class Motion:
-    """N samples of a motion of `model`, run after run of `lengths`.
+    """N samples of a motion of the model on `bench`, run after run of `lengths`.
 
     qpos (N, nq), qvel and qacc (N, nv). doubt: sd of the speeds, (nv,).
     """
 
     track: Track
-    model: mujoco.MjModel
+    bench: Bench
     qpos: np.ndarray
     qvel: np.ndarray
     qacc: np.ndarray
     commands: Commands
     doubt: np.ndarray
     lengths: tuple[int, ...]
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """Whose motion it is."""
+        return self.bench.model
 
     @property
     def ctrl(self) -> np.ndarray:
@@ -158,11 +187,6 @@ class Motion:
         return None if found is None else found / number.nudge
 
     @cached_property
-    def bench(self) -> "Bench":
-        """Where the model is edited."""
-        return Bench(self.model)
-
-    @cached_property
     def driven(self) -> dict[str, list[int]]:
         """Motors of each joint that is driven."""
         return {joint: drives(self.model, joint) for joint in driven(self.model)}
@@ -190,30 +214,6 @@ class Motion:
 def _slices(lengths: Sequence[int]) -> list[slice]:
     ends = np.cumsum(lengths)
     return [slice(int(end - length), int(end)) for end, length in zip(ends, lengths, strict=True)]
-
-
-class Bench:
-    """A copy of a model that is edited again and again: copying a model with meshes takes longer than all else."""
-
-    def __init__(self, model: mujoco.MjModel):
-        self.model, self.own, self.data = model, copy.copy(model), mujoco.MjData(model)
-
-    def edited(self, edit: Callable[[mujoco.MjModel], None]) -> mujoco.MjModel:
-        """The model as `edit` leaves it, until the next one."""
-        for name in (*EDITED, *DRIVING, *DRY):
-            getattr(self.own, name)[:] = getattr(self.model, name)
-        self.own.opt.gravity[:] = self.model.opt.gravity
-        edit(self.own)
-        return self.own
-
-    def numbers(self, edit: Callable[[mujoco.MjModel], None]) -> frozenset[tuple[str, int]]:
-        """Which numbers of the model an edit changes."""
-        after, found = self.edited(edit), set()
-        for name in (*EDITED, *DRIVING, *DRY[:1]):
-            changed = np.flatnonzero(np.asarray(getattr(after, name) != getattr(self.model, name)))
-            found |= {(name, int(row)) for row in changed}
-        weight = [] if np.array_equal(after.opt.gravity, self.model.opt.gravity) else [("gravity", 0)]
-        return frozenset([*found, *weight])
 
 
 def setter(number: Parameter) -> Callable[[mujoco.MjModel], None]:

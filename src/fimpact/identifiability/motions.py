@@ -18,7 +18,7 @@ from fimpact.identifiability.judging import NEEDED, Judge
 from fimpact.identifiability.motion import Commands, Motion
 from fimpact.identifiability.sight import Sight, pace, reach
 
-SAMPLES = 200  # of a motion
+SAMPLES = 150  # of a motion
 SLOW = 4.0  # times slower is the slower of two speeds, and is the beginning of a sweep
 ROUND = 0.98  # how sharply a joint turns back: 1 is at once
 ROOM = 0.8  # of the way to the end of a joint's range
@@ -26,11 +26,15 @@ ROOM = 0.8  # of the way to the end of a joint's range
 
 @dataclass(frozen=True)
 class Advice:
-    """A motion. joint: that moves alone, or "" where all do; how: in words, "there and back at 0.5 rad/s"."""
+    """A motion, None: what was recorded, as long again. joint: that moves alone, or "" where all do; how: in words,
+    "there and back at 0.5 rad/s"."""
 
     joint: str
     how: str
-    motion: Motion
+    motion: Motion | None
+
+
+LONGER = Advice("", "", None)  # as much again of what was recorded
 
 
 @dataclass(frozen=True)
@@ -61,19 +65,25 @@ class Advisor:
         self.sight, self.model = sight, sight.motion.model
         asked = {own.name for own in sight.judge.asked}
         self.names = [name for name in names if name in asked]
-        self._after: dict[int, Judge] = {}
+        self._after: dict[tuple[int, tuple[str, ...]], Judge] = {}
 
     def shows(self, name: str) -> Advice | None:
         """The first motion after which `name` is seen."""
         return next((one for one in self._offered([name]) if self._seen(one, name)), None)
 
+    def frees(self, names: Sequence[str]) -> Advice | None:
+        """The first motion after which what is fitted no longer swallows any of `names`."""
+
+        def clear(judge: Judge) -> bool:
+            return all(judge.clear(own) for own in judge.asked if own.name in names)
+
+        return next((one for one in self._offered(names) if clear(self._judge(one, names))), None)
+
     def parts(self, names: Sequence[str]) -> tuple[Advice, list[tuple[str, ...]]] | None:
         """The first motion that parts `names` into most groups, and these; None where none parts them."""
-        if not set(names) <= set(self.names):
-            return None
         best, most = None, 1
-        for one in self._offered(names):
-            groups = self._judge(one).parted(names)
+        for one in self._offered(names) if set(names) <= set(self.names) else ():
+            groups = self._judge(one, names).parted(names)
             if len(groups) > most and sum(map(len, groups)) == len(names):
                 best, most = (one, groups), len(groups)
             if most == len(names):
@@ -81,33 +91,43 @@ class Advisor:
         return best
 
     def _seen(self, one: Advice, name: str) -> bool:
-        judge = self._judge(one)
+        # All that a motion may show at once: its columns share what takes longest.
+        near = [own for own in self.names if not one.joint or one.joint in self._near[own]]
+        judge = self._judge(one, near)
         return any(own.name == name and judge.shows(own) >= NEEDED for own in judge.asked)
 
-    def _judge(self, one: Advice) -> Judge:
-        if id(one) not in self._after:
-            self._after[id(one)] = self.sight.further(one.motion, self.names)
-        return self._after[id(one)]
+    def _judge(self, one: Advice, names: Sequence[str]) -> Judge:
+        if one.motion is None:
+            return self.sight.judge.longer()
+        key = id(one), tuple(names)
+        if key not in self._after:
+            self._after[key] = self.sight.further(one.motion, names)
+        return self._after[key]
 
     def _offered(self, names: Sequence[str]) -> Iterator[Advice]:
-        joints = list(dict.fromkeys(joint for name in names for joint in self._joints(name.partition("@")[2])))
-        yield from (one for joint in joints for one in self.alone.get(joint, ()))
+        yield LONGER
+        for joint in dict.fromkeys(joint for name in names for joint in self._near.get(name, ())):
+            yield from self.alone[joint]
         yield from self.together
 
+    @cached_property
+    def _near(self) -> dict[str, list[str]]:
+        """Joints that move the place of each name: itself, that of a motor, or the nearest that carries a body."""
+        return {name: self._joints(name.partition("@")[2]) for name in self.names}
+
     def _joints(self, site: str) -> list[str]:
-        """Joints that move a place: its own, or of a body all that carry it, the nearest first."""
         model, known = self.model, list(self.alone)
-        if site in known:
-            return [site]
         motor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, site)
-        if motor >= 0:
-            return [joint for joint in known if motor in drives(model, joint)]
-        body, found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, site), []
+        if site in known or motor >= 0:
+            return [site] if site in known else [joint for joint in known if motor in drives(model, joint)]
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, site)
         while body > 0:
             first = int(model.body_jntadr[body])
-            found += [model.joint(first + i).name for i in range(int(model.body_jntnum[body]))]
+            found = [model.joint(first + i).name for i in range(int(model.body_jntnum[body]))]
+            if set(found) & set(known):
+                return [joint for joint in found if joint in known]
             body = int(model.body_parentid[body])
-        return [joint for joint in found if joint in known]
+        return []
 
     @cached_property
     def alone(self) -> dict[str, Iterable[Advice]]:
@@ -142,11 +162,11 @@ class Advisor:
         moves = [
             {joint: _steady(self._way(joint), speed / part) for joint, speed in paces.items()} for part in (SLOW, 1.0)
         ]
-        how = "all joints at once, there and back, each at its own rhythm, slowly and fast"
+        how = "move all joints at once, there and back, each at its own rhythm, slowly and fast"
         every = self._played(moves) if len(names) > 1 else None
         found += [Advice("", how, every)] if every is not None else []
         weighted = self._played(moves, self._weight())
-        told = f"with a known weight of {self._weight():.2g} kg at {self._last()}"
+        told = f"record once more with a known weight at {self._last()}, of {self._weight():.2g} kg or so"
         return found + ([Advice("", told, weighted)] if weighted is not None else [])
 
     def _let_go(self) -> list[Advice]:

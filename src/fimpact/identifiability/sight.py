@@ -12,9 +12,9 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Effect, Scales
 from fimpact.effects.sites import HINGE, NO_CONTACT, SLIDE, can_touch
 from fimpact.identifiability.judging import Asked, Judge
-from fimpact.identifiability.motion import Commands, Motion
+from fimpact.identifiability.motion import Bench, Commands, Motion
 from fimpact.identifiability.suspects import Suspect, columns, suspects
-from fimpact.recordings import Recording
+from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.starts import Shown, noise_level, shown_by, smooth
 from fimpact.smoothing.candidates import scales_along
@@ -29,6 +29,7 @@ from fimpact.smoothing.track import Track
 ROWS = 1000  # samples that are looked at, spread over all
 STEPS = 5  # between what is left of a fit and the noise that it is given
 LONGEST = 2000  # samples of noise alone
+FEWEST = 20  # samples of a run, and rows at most for a reading
 ROUND_OFF = 1e-9  # N or N m: less is none
 
 
@@ -62,6 +63,7 @@ class Sight:
 
 def look(recording: Recording, catalogue: Iterable[Effect] | None = None) -> Sight | str:
     """What the training runs' motions can show; or why that is not told without a diagnosis."""
+    recording = on_its_own_grid(recording)
     track = Track(Simulator(recording), spread_out(recording.training, recording.windows))
     noise, model = noise_level(recording), track.model
     if model.neq:
@@ -77,13 +79,32 @@ def look(recording: Recording, catalogue: Iterable[Effect] | None = None) -> Sig
         return "something touches most of the time"
     motion = _motion(track, states, doubt, still, free)
     scales = _scales(track, states, still)
-    asked = suspects(EFFECTS.values() if catalogue is None else catalogue, track, scales)
+    asked = suspects(EFFECTS.values() if catalogue is None else catalogue, motion, scales)
     kept, force = columns(asked, motion)
     known = _known(asked, kept)
     left, size = _left(force, motion.missing, known, np.maximum(model.dof_M0 * jolt, ROUND_OFF))
     information, spread = _counted(force, left, size, motion)
     own = tuple(s for s in asked if s.name in {k.name for k in kept})
     return Sight(recording, motion, own, Judge(information, known, kept), size, track.count, spread, still, scales)
+
+
+def on_its_own_grid(recording: Recording) -> Recording:
+    """The recording at the pace of its slowest channel: straight lines between readings hold no acceleration."""
+    shares = [np.isfinite(run.measured).mean(0) for run in recording.training]
+    every = round(1 / max(float(np.median([share.min() for share in shares])), 1 / FEWEST))
+    if every < 2:
+        return recording
+    runs = tuple(_thinned(run, every) for run in recording.runs if len(run.measured) > FEWEST * every)
+    return replace(recording, runs=runs, period=recording.period * every) if runs else recording
+
+
+def _thinned(run: Run, every: int) -> Run:
+    count = len(run.measured) // every
+    rows = run.measured[: count * every].reshape(count, every, -1)
+    seen = np.isfinite(rows).sum(1)
+    measured = np.where(seen > 0, np.nansum(rows, 1) / np.maximum(seen, 1), np.nan)
+    ctrl = run.ctrl[: count * every].reshape(count, every, -1).mean(1)
+    return replace(run, measured=measured, ctrl=ctrl)
 
 
 def _noise_alone(track: Track, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -132,7 +153,7 @@ def _motion(track: Track, states: States, doubt, still: np.ndarray, free: np.nda
             qpos[:, track.model.jnt_qposadr[joint]] = qpos[:, track.model.jnt_qposadr[joint]].mean()
     lengths = np.bincount(track.run_of[rows], minlength=len(track.runs))
     commands = Commands(track.ctrl[:, 0], track.time, tuple(track.lengths), rows)
-    return Motion(track, untouched(track.model), qpos, qvel, qacc, commands, doubt, tuple(lengths[lengths > 0]))
+    return Motion(track, Bench(untouched(track.model)), qpos, qvel, qacc, commands, doubt, tuple(lengths[lengths > 0]))
 
 
 def untouched(model: mujoco.MjModel) -> mujoco.MjModel:

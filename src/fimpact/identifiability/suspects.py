@@ -10,7 +10,6 @@ from fimpact.identifiability.judging import Asked
 from fimpact.identifiability.motion import Bench, Motion, setter, stacked
 from fimpact.smoothing.candidates import Candidate, at
 from fimpact.smoothing.parameters import Parameter, parameters
-from fimpact.smoothing.track import Track
 
 
 @dataclass(frozen=True)
@@ -42,14 +41,15 @@ def first_suspects(catalogue: Iterable[Effect]) -> list[Effect]:
     ]
 
 
-def suspects(catalogue: Iterable[Effect], track: Track, scales: Scales) -> list[Suspect]:
+def suspects(catalogue: Iterable[Effect], motion: Motion, scales: Scales) -> list[Suspect]:
     """The case's own unknowns, then rigid bodies, friction and motors; of two names for the same numbers of the model,
     the first."""
+    track = motion.track
     found = [_unknown(number) for number in parameters(track.simulator, track.simulator.theta, (), ())]
     for effect in sorted(first_suspects(list(catalogue)), key=lambda own: own.order):
         for site in effect.sites(track.model, track.recording.channels) if effect.order <= MOTOR else ():
             found += _of(effect, at(effect, site, track.model, scales))
-    return _without_twins(found, Bench(track.model))
+    return _without_twins(found, motion.bench)
 
 
 def columns(asked: Iterable[Suspect], motion: Motion) -> tuple[list[Asked], np.ndarray]:

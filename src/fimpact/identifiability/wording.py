@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.classes import TITLES
+from fimpact.effects.sites import ALL, WORLD
 from fimpact.identifiability.judging import Asked, Judged
 from fimpact.identifiability.motions import Advice, Advisor
 from fimpact.identifiability.sight import Sight
@@ -16,13 +17,21 @@ FREED = {"com_x": "centre of mass (x)", "com_y": "centre of mass (y)", "com_z": 
 FREED |= {"armature": "rotor inertia", "frictionloss": "dry friction"}
 
 
+UNSEEN, ALIKE, SWALLOWED = "unseen", "alike", "swallowed"
+HEADINGS = {
+    UNSEEN: "cannot be seen in these motions, if no larger than usual",
+    ALIKE: "cannot be told apart in these motions",
+    SWALLOWED: "cannot be told from the rest of what the case frees",
+}
+
+
 @dataclass(frozen=True)
 class Told:
-    """One line. names: ``effect@site`` or ``field@site``; apart: whether they are seen but pass for one another, else
-    they are not seen; what: in words; motion: a sentence, or "" where nothing simple helps."""
+    """One line. kind: one of `HEADINGS`; names: ``effect@site`` or ``field@site``; what: in words; motion: a sentence,
+    or "" where no motion was looked for."""
 
+    kind: str
     names: tuple[str, ...]
-    apart: bool
     what: str
     motion: str
 
@@ -34,28 +43,35 @@ def told(judged: Judged, asked: Sequence[Asked], sight: Sight | None) -> list[To
         sight: of the same recording, which knows what motions would do; None: no motion is named.
     """
     known = {own.name: own for own in asked}
-    advisor = Advisor(sight, [*judged.unseen, *(n for group in judged.alike for n in group)]) if sight else None
-    lines = [_group(names, known, advisor) for names in judged.alike]
-    return _first(_unseen(judged, known, sight, advisor), known) + _first(lines, known)
-
-
-def _first(lines: list[Told], known: dict[str, Asked]) -> list[Told]:
-    """The first half of all lines that may be said."""
-    return sorted(lines, key=lambda own: min(known[name].order for name in own.names))[: MOST // 2]
+    names = [*judged.unseen, *(n for group in judged.alike for n in group), *judged.swallowed]
+    advisor = Advisor(sight, names) if sight else None
+    lines = _unseen(judged, known, sight, advisor)
+    lines += [_group(names, known, advisor) for names in judged.alike]
+    lines += [_swallowed(judged.swallowed, known, advisor)] if judged.swallowed else []
+    first = sorted(lines, key=lambda own: min(known[name].order for name in own.names))[:MOST]
+    return [own for kind in HEADINGS for own in first if own.kind == kind]
 
 
 def _group(names: Sequence[str], known: dict[str, Asked], advisor: Advisor | None) -> Told:
     what = _listed([in_words(known[name]) for name in names])
     found = advisor.parts(names) if advisor else None
     if found is None:
-        free = any(known[name].free for name in names)
-        less = ", or give it a smaller sd" if free else ""
+        less = ", or give it a smaller sd" if any(known[name].free for name in names) else ""
         motion = f"No simple motion tells them apart: measure one of them{less}." if advisor else ""
-        return Told(tuple(names), True, what, motion)
+        return Told(ALIKE, tuple(names), what, motion)
     advice, groups = found
     left = [_listed([in_words(known[name]) for name in own]) for own in groups if len(own) > 1]
-    but = f"; what stays one: {', or '.join(left)}" if left else ""
-    return Told(tuple(names), True, what, f"{_move([advice])}{but}.")
+    but = f" (but not {', nor '.join(left)})" if left else ""
+    return Told(ALIKE, tuple(names), what, f"{_move([advice])}{but}.")
+
+
+def _swallowed(names: Sequence[str], known: dict[str, Asked], advisor: Advisor | None) -> Told:
+    what = _listed([in_words(known[name]) for name in names])
+    advice = advisor.frees(names) if advisor else None
+    if advice:
+        return Told(SWALLOWED, tuple(names), what, f"{_move([advice])}.")
+    motion = "Only combinations of them show in a simple motion: free fewer, or give smaller sd." if advisor else ""
+    return Told(SWALLOWED, tuple(names), what, motion)
 
 
 def _unseen(judged: Judged, known: dict[str, Asked], sight: Sight | None, advisor: Advisor | None) -> list[Told]:
@@ -65,7 +81,7 @@ def _unseen(judged: Judged, known: dict[str, Asked], sight: Sight | None, adviso
         own, advice = known[name], advisor.shows(name) if advisor else None
         if advice or own.free or not advisor:
             how = (advice.how, bool(advice.joint)) if advice else ("", False)
-            rows.setdefault((own.site, _why(own, sight), str(how)), []).append((own, advice))
+            rows.setdefault((own.site, _why(own, sight), f"{how} {own.free}"), []).append((own, advice))
     merged: dict[tuple, list[list[tuple[Asked, Advice | None]]]] = {}
     for (_, why, how), members in rows.items():
         merged.setdefault((tuple(title(own) for own, _ in members), why, how), []).append(members)
@@ -78,20 +94,20 @@ def _line(kinds: Sequence[str], why: str, parts: list[list[tuple[Asked, Advice |
     because = f" ({why.format('they' if len(sites) > 1 else 'it', 's' * (len(sites) == 1))})" if why else ""
     free = parts[0][0][0].free
     advice = [members[0][1] for members in parts if members[0][1]]
-    own = "No simple motion shows it: leave it out of `unknowns`, or measure it." if free else ""
-    what = f"{_listed(kinds)} {'of' if free else 'at'} {_listed(sites)}{because}"
-    return Told(names, False, what, f"{_move(advice)}." if advice else own)
+    own = "No simple motion shows it: the fit leaves it as the case has it." if free else ""
+    at = "" if sites[0] in (ALL, WORLD) else f" {'of' if free else 'at'} {_listed(sites)}"
+    what = f"{_listed(kinds)}{at}{because}"
+    return Told(UNSEEN, names, what, f"{_move(advice)}." if advice else own)
 
 
 def _move(advice: Sequence[Advice]) -> str:
-    joints = list(dict.fromkeys(own.joint for own in advice if own.joint))
+    """A sentence without its end; of several motions, the same for several joints."""
+    joints, (first, *_) = list(dict.fromkeys(own.joint for own in advice if own.joint)), advice
+    if first.motion is None:
+        return "The same motions for twice as long would do"
     if not joints:
-        return _upper(advice[0].how) if advice[0].how.startswith("let") else f"Move {_together(advice[0].how)}"
-    return f"Move {_listed(joints)}{', each' if len(joints) > 1 else ''} alone, {advice[0].how}"
-
-
-def _together(how: str) -> str:
-    return how if how.startswith("all") else f"as before, once more {how}"
+        return first.how[:1].upper() + first.how[1:]
+    return f"Move {_listed(joints)}{', each' if len(joints) > 1 else ''} alone, {first.how}"
 
 
 def _why(own: Asked, sight: Sight | None) -> str:
@@ -125,6 +141,8 @@ def title(own: Asked) -> str:
 
 def in_words(own: Asked) -> str:
     """``mass of link (free)``, ``viscous friction at wrist``."""
+    if own.site in (ALL, WORLD):
+        return title(own)
     return f"{title(own)} of {own.site} (free)" if own.free else f"{title(own)} at {own.site}"
 
 
@@ -133,7 +151,3 @@ def _listed(names: Iterable[str]) -> str:
     if len(names) > NAMES:
         names = [*names[: NAMES - 1], f"{len(names) - NAMES + 1} more"]
     return ", ".join(names[:-1]) + f" and {names[-1]}" if len(names) > 1 else names[0]
-
-
-def _upper(text: str) -> str:
-    return text[:1].upper() + text[1:]
