@@ -40,11 +40,13 @@ class Asked:
 class Judged:
     """unseen: what the data do not show, with the squares by which it shows. alike: groups, of two or more names, of
     which each passes for another of its group. swallowed: what no other one, but all that is fitted together takes up.
+    posing: pairs of which the first passes for the second, and the second is too large to pass for the first.
     """
 
     unseen: dict[str, float]
     alike: tuple[tuple[str, ...], ...]
     swallowed: tuple[str, ...] = ()
+    posing: tuple[tuple[str, str], ...] = ()
 
 
 class Judge:
@@ -70,10 +72,11 @@ class Judge:
         seen = [own for own in self.asked if own.name not in unseen]
         taken = {own.name: self.taken_up(own) for own in seen if self._open(own) < NEEDED}
         pairs = [(name, other.name) for name, other in taken.items() if other]
-        pairs += self._alike([own for own in seen if not own.free and own.name not in taken])
+        alike, posing = self._pairs([own for own in seen if not own.free and own.name not in taken])
+        pairs += alike
         groups = _groups(pairs, [own.name for own in self.asked])
         joined = {name for group in groups for name in group}
-        return Judged(unseen, groups, tuple(name for name in taken if name not in joined))
+        return Judged(unseen, groups, tuple(name for name in taken if name not in joined), tuple(posing))
 
     def parted(self, names: Sequence[str]) -> list[tuple[str, ...]]:
         """These names by groups that cannot be told apart; what is not seen, or swallowed, is in none."""
@@ -104,8 +107,14 @@ class Judge:
             left = left - self._taken(self.information, beside, own)
         return float(np.diag(left).max(initial=0.0))
 
-    def _alike(self, tried: Sequence[Asked]) -> list[tuple[str, str]]:
-        """Pairs of which each, of a plausible size, passes for the other of its usual size."""
+    def poses(self, one: str, other: str) -> bool:
+        """Whether `other`, of a plausible size, passes for `one` of its usual size."""
+        known = {own.name: own for own in self.asked}
+        fitted = [c for own in self.fitted for c in own.columns]
+        return self.shows(known[one], [*fitted, *known[other].columns]) < NEEDED
+
+    def _pairs(self, tried: Sequence[Asked]) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+        """Pairs of which each, of a plausible size, passes for the other of its usual size; and those of which one."""
         fitted, every = [c for own in self.fitted for c in own.columns], list(range(len(self.information)))
         left = self.information - self._taken(self.information, fitted, every) if fitted else self.information
         passes = np.zeros((len(tried), len(tried)), bool)
@@ -113,8 +122,10 @@ class Judge:
             beside = list(other.columns)
             rest = np.diag(left - self._taken(left, beside, every))
             passes[:, j] = [rest[list(one.columns)].max(initial=0.0) < NEEDED for one in tried]
-        both = np.argwhere(np.triu(passes & passes.T, 1))
-        return [(tried[i].name, tried[j].name) for i, j in both]
+        np.fill_diagonal(passes, False)
+        both, one = np.argwhere(np.triu(passes & passes.T)), np.argwhere(passes & ~passes.T)
+        alike, posing = ([(tried[i].name, tried[j].name) for i, j in found] for found in (both, one))
+        return alike, posing
 
     def _taken(self, information: np.ndarray, beside: list[int], own: list[int]) -> np.ndarray:
         """What columns `beside` take of the information on others, (own, own)."""

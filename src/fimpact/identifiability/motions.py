@@ -90,6 +90,19 @@ class Advisor:
                 break
         return best
 
+    def unmasks(self, one: str, others: Sequence[str]) -> Advice | None:
+        """The first motion after which none of `others`, at the same joint, passes for `one` any more."""
+        tried = (own for own in self._offered([one]) if own.motion is not None)
+        return next((own for own in tried if not self._posed(own, one, others)), None)
+
+    def at_one_joint(self, one: str, other: str) -> bool:
+        """Whether the same joint moves both."""
+        return bool(set(self._near.get(one, ())) & set(self._near.get(other, ())))
+
+    def _posed(self, advice: Advice, one: str, others: Sequence[str]) -> bool:
+        judge = self._judge(advice, [one, *others])
+        return any(judge.poses(one, other) for other in others)
+
     def _seen(self, one: Advice, name: str) -> bool:
         # All that a motion may show at once: its columns share what takes longest.
         near = [own for own in self.names if not one.joint or one.joint in self._near[own]]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from fimpact.effects.base import RIGID_BODIES
 from fimpact.effects.classes import TITLES
 from fimpact.effects.sites import ALL, WORLD
 from fimpact.identifiability.judging import Asked, Judged
@@ -43,10 +44,13 @@ def told(judged: Judged, asked: Sequence[Asked], sight: Sight | None) -> list[To
         sight: of the same recording, which knows what motions would do; None: no motion is named.
     """
     known = {own.name: own for own in asked}
-    names = [*judged.unseen, *(n for group in judged.alike for n in group), *judged.swallowed]
+    posing = [pair for pair in judged.posing if all(known[name].order > RIGID_BODIES for name in pair)]
+    pairs = [*judged.alike, *posing]
+    names = list(dict.fromkeys([*judged.unseen, *(n for group in pairs for n in group), *judged.swallowed]))
     advisor = Advisor(sight, names) if sight else None
     lines = _unseen(judged, known, sight, advisor)
     lines += [_group(names, known, advisor) for names in judged.alike]
+    lines += _posing(posing, known, advisor) if advisor else []
     lines += [_swallowed(judged.swallowed, known, advisor)] if judged.swallowed else []
     first = sorted(lines, key=lambda own: min(known[name].order for name in own.names))[:MOST]
     return [own for kind in HEADINGS for own in first if own.kind == kind]
@@ -63,6 +67,25 @@ def _group(names: Sequence[str], known: dict[str, Asked], advisor: Advisor | Non
     left = [_listed([in_words(known[name]) for name in own]) for own in groups if len(own) > 1]
     but = f" (but not {', nor '.join(left)})" if left else ""
     return Told(ALIKE, tuple(names), what, f"{_move([advice])}{but}.")
+
+
+def _posing(pairs: Sequence[tuple[str, str]], known: dict[str, Asked], advisor: Advisor) -> list[Told]:
+    """What passes for something larger at the same joint, where a motion would tell them apart."""
+    found = {}
+    for one in dict.fromkeys(one for one, _ in pairs):
+        others = [other for own, other in pairs if own == one and advisor.at_one_joint(one, other)]
+        advice = advisor.unmasks(one, others) if others else None
+        if advice:
+            found[one] = others, advice
+    return [
+        Told(
+            ALIKE,
+            (one, *others),
+            f"{in_words(known[one])} from {_listed([in_words(known[other]) for other in others], 'or')}",
+            f"{_move([advice])}.",
+        )
+        for one, (others, advice) in found.items()
+    ]
 
 
 def _swallowed(names: Sequence[str], known: dict[str, Asked], advisor: Advisor | None) -> Told:
@@ -146,8 +169,8 @@ def in_words(own: Asked) -> str:
     return f"{title(own)} of {own.site} (free)" if own.free else f"{title(own)} at {own.site}"
 
 
-def _listed(names: Iterable[str]) -> str:
+def _listed(names: Iterable[str], joint: str = "and") -> str:
     names = list(dict.fromkeys(names))
     if len(names) > NAMES:
         names = [*names[: NAMES - 1], f"{len(names) - NAMES + 1} more"]
-    return ", ".join(names[:-1]) + f" and {names[-1]}" if len(names) > 1 else names[0]
+    return ", ".join(names[:-1]) + f" {joint} {names[-1]}" if len(names) > 1 else names[0]

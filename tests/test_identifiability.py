@@ -1,0 +1,183 @@
+"""What motions cannot show is known by hand on rigs so small: still joints, one speed, one direction, no gravity."""
+
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+import pytest
+
+from fimpact.identifiability.checked import shown_by_motions
+from fimpact.identifiability.judging import Asked, Judge
+from fimpact.identifiability.motions import Advisor
+from fimpact.identifiability.sight import Sight, look
+from fimpact.identifiability.wording import told
+from fimpact.recordings import Recording, Run, Unknown
+
+PERIOD, NOISE = 0.01, 1e-4
+LINK = """<body name="{body}" pos="{pos}"><joint name="{joint}" axis="{axis}" damping="0.02"/>
+<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.5" contype="0" conaffinity="0"/>{more}</body>"""
+
+
+def xml(axis: str = "0 1 0", joints: Sequence[str] = ("shoulder", "wrist"), gravity: str = "0 0 -9.81") -> str:
+    """A chain of links under motors, each joint measured."""
+    chain = ""
+    for k, joint in reversed(list(enumerate(joints))):
+        chain = LINK.format(body=f"{joint}_link", joint=joint, axis=axis, pos="0.3 0 0" if k else "0 0 0", more=chain)
+    motors = "".join(f'<motor name="{j}_motor" joint="{j}"/>' for j in joints)
+    reads = "".join(f'<jointpos name="{j}" joint="{j}"/>' for j in joints)
+    return (
+        f'<mujoco><option timestep="0.005" gravity="{gravity}"/><worldbody>{chain}</worldbody>'
+        f"<actuator>{motors}</actuator><sensor>{reads}</sensor></mujoco>"
+    )
+
+
+def moved(text: str, way: Callable[[np.ndarray], np.ndarray], unknowns: Sequence[Unknown] = (), seconds=8.0):
+    """The rig's joints (T, nq) along `way` of the time, under the torques that takes, with 2 % that nobody knows."""
+    model, rng, runs = mujoco.MjModel.from_xml_string(text), np.random.default_rng(0), []
+    time = np.arange(round(seconds / PERIOD)) * PERIOD
+    for k in range(2):
+        qpos, data = way(time + 0.3 * k), mujoco.MjData(model)
+        qvel = np.gradient(qpos, PERIOD, axis=0)
+        qacc, ctrl = np.gradient(qvel, PERIOD, axis=0), np.empty((len(time), model.nu))
+        for row, out in enumerate(ctrl):
+            data.qpos[:], data.qvel[:], data.qacc[:] = qpos[row], qvel[row], qacc[row]
+            mujoco.mj_inverse(model, data)
+            out[:] = data.qfrc_inverse
+        ctrl += 0.02 * (ctrl.std(0) + 1e-3) * rng.standard_normal(ctrl.shape)
+        runs.append(Run(f"run_{k}", ctrl, qpos + NOISE * rng.standard_normal(qpos.shape), k == 1))
+    names, free = tuple(model.joint(i).name for i in range(model.njnt)), np.full(2 * model.nv, np.inf)
+    noise = np.full(len(names), NOISE)
+    return Recording(text, ".", PERIOD, names, tuple(runs), tuple(unknowns), noise, free, 0.5)
+
+
+def swing(*rates: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Sums of two sines of each joint, far from one speed; a rate of 0 keeps a joint where it is."""
+    return lambda t: np.stack([0.4 * np.sin(r * t) + 0.2 * np.sin(2.3 * r * t + 1) for r in rates], 1) + 0.3
+
+
+def at_one_speed(back: bool) -> Callable[[np.ndarray], np.ndarray]:
+    """1 rad/s, for ever or there and back."""
+    return lambda t: (np.arcsin(0.999999 * np.sin(1.5 * t)) / 1.5 if back else t)[:, None]
+
+
+def seen(recording: Recording) -> Sight:
+    sight = look(recording)
+    assert isinstance(sight, Sight), sight
+    return sight
+
+
+def alike(sight: Sight) -> list[set[str]]:
+    return [set(group) for group in sight.judge.judged().alike]
+
+
+def together(sight: Sight, *names: str) -> bool:
+    return any(set(names) <= group for group in alike(sight))
+
+
+def test_a_rich_motion_shows_friction_and_inertia():
+    found = seen(moved(xml(), swing(2.0, 3.1))).judge.judged()
+    assert not {n for n in found.unseen if n.startswith(("coulomb", "viscous", "rotor", "payload"))}
+    assert not [group for group in found.alike if any(name.startswith(("coulomb", "viscous")) for name in group)]
+
+
+def test_a_joint_that_never_moves_shows_no_friction_and_is_to_be_moved_alone():
+    sight = seen(moved(xml("0 0 1"), swing(2.0, 0.0)))
+    unseen = sight.judge.judged().unseen
+    assert {"coulomb@wrist", "viscous@wrist"} <= set(unseen)
+    assert not {"coulomb@shoulder", "viscous@shoulder"} & set(unseen)
+    line = next(one for one in told(sight.judge.judged(), sight.judge.asked, sight) if "coulomb@wrist" in one.names)
+    assert "wrist (it never moves)" in line.what
+    assert line.motion.startswith("Move wrist alone, there and back")
+
+
+@pytest.mark.parametrize("back", [True, False])
+def test_at_one_speed_dry_and_viscous_friction_are_one(back):
+    sight = seen(moved(xml("0 0 1", ["wheel"]), at_one_speed(back)))
+    assert together(sight, "coulomb@wheel", "viscous@wheel")
+    posing = ("torque_offset@wheel_motor", "coulomb@wheel")
+    assert (posing in sight.judge.judged().posing) == (not back)
+    lines = "\n".join(f"{one.what}: {one.motion}" for one in told(sight.judge.judged(), sight.judge.asked, sight))
+    assert ("torque offset at wheel_motor from Coulomb friction at wheel: Move wheel alone, there" in lines) == (
+        not back
+    )
+
+
+def test_two_speeds_tell_dry_from_viscous_friction():
+    sight = seen(moved(xml("0 0 1", ["wheel"]), at_one_speed(True)))
+    names = ["coulomb@wheel", "viscous@wheel"]
+    advice, groups = Advisor(sight, names).parts(names)
+    assert len(groups) == 2
+    assert advice.joint == "wheel"
+    assert advice.how.startswith("there and back")
+
+
+def test_without_gravity_mass_and_inertia_of_one_joint_are_one():
+    free = [Unknown("mass", "arm_link", 0.5), Unknown("inertia", "arm_link", 0.5)]
+    flat = seen(moved(xml("0 0 1", ["arm"]), swing(2.0), free))
+    assert together(flat, "mass@arm_link", "inertia@arm_link")
+    assert Advisor(flat, ["mass@arm_link", "inertia@arm_link"]).parts(["mass@arm_link", "inertia@arm_link"]) is None
+    upright = seen(moved(xml("0 1 0", ["arm"]), swing(4.0), free))
+    assert not together(upright, "mass@arm_link", "inertia@arm_link")
+
+
+def test_a_motors_gain_and_all_that_weighs_are_one():
+    sight = seen(
+        moved(xml("0 0 1", ["arm"]).replace('damping="0.02"', ""), swing(2.0), [Unknown("mass", "arm_link", 1)])
+    )
+    assert together(sight, "mass@arm_link", "gain@arm_motor")
+
+
+def test_a_payload_is_more_mass():
+    sight = seen(moved(xml("0 0 1", ["arm"]), swing(2.0), [Unknown("mass", "arm_link")]))
+    assert together(sight, "mass@arm_link", "payload@arm_link")
+
+
+def test_what_is_the_same_number_of_the_model_is_asked_once():
+    sight = seen(moved(xml(), swing(2.0, 3.1), [Unknown("damping", "wrist", 0.5)]))
+    names = [own.name for own in sight.judge.asked]
+    assert "damping@wrist" in names
+    assert "viscous@wrist" not in names
+    assert "viscous@shoulder" in names
+
+
+def test_a_terminal_is_told_in_a_few_lines():
+    lines = shown_by_motions(moved(xml("0 0 1"), swing(2.0, 0.0)))
+    assert any("never move" in line for line in lines)
+    assert len(lines) <= 2 * 6 + 3
+    assert all(len(line) < 200 for line in lines)
+
+
+def test_what_nobody_measures_is_left_to_the_diagnosis():
+    whole = moved(xml(), swing(2.0, 3.1))
+    runs = tuple(Run(r.name, r.ctrl, r.measured[:, :1], r.held_out) for r in whole.runs)
+    part = Recording(whole.xml, ".", PERIOD, ("shoulder",), runs, (), whole.noise[:1], whole.start_sd, 0.5)
+    assert look(part) == "nothing measures where wrist is"
+
+
+def judge(gram: Sequence[Sequence[float]], free: Sequence[bool]) -> Judge:
+    asked = [Asked(f"{'abc'[k]}@x", own, -1 if own else 1, (k,)) for k, own in enumerate(free)]
+    return Judge(np.array(gram, float), np.ones(len(free)), asked)
+
+
+def test_unseen_is_what_nothing_explains_nearly_as_well():
+    found = judge(np.diag([5.9, 6.1]), [False, False]).judged()
+    assert set(found.unseen) == {"a@x"}
+
+
+def test_alike_is_what_passes_for_the_other_both_ways():
+    assert judge([[100, 99], [99, 100]], [False, False]).judged().alike == (("a@x", "b@x"),)
+    assert judge([[100, 10], [10, 100]], [False, False]).judged().alike == ()
+    # A part of something large passes for it only at a size that no such part has.
+    assert judge([[1e4, 99], [99, 1]], [False, False]).judged().alike == ()
+
+
+def test_what_is_fitted_anyway_takes_up_its_like():
+    found = judge([[100, 99.9, 0], [99.9, 100, 0], [0, 0, 100]], [True, False, False]).judged()
+    assert found.alike == (("a@x", "b@x"),)
+
+
+def test_what_only_all_together_take_up_is_told_apart_from_pairs():
+    columns = np.array([[30.0, 0, 30], [0, 30, 30]])
+    found = judge(columns.T @ columns, [True, True, False]).judged()
+    assert found.alike == ()
+    assert found.swallowed == ("c@x",)
