@@ -13,7 +13,7 @@ from fimpact.effects.base import Effect, Scales
 from fimpact.effects.sites import HINGE, NO_CONTACT, SLIDE, can_touch
 from fimpact.identifiability.judging import Asked, Judge
 from fimpact.identifiability.motion import Bench, Commands, Motion
-from fimpact.identifiability.suspects import Suspect, columns, suspects
+from fimpact.identifiability.suspects import Suspect, columns, other_sizes, suspects
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.starts import Shown, noise_level, shown_by, smooth
@@ -82,7 +82,9 @@ def look(recording: Recording, catalogue: Iterable[Effect] | None = None) -> Sig
     asked = suspects(EFFECTS.values() if catalogue is None else catalogue, motion, scales)
     kept, force = columns(asked, motion)
     known = _known(asked, kept)
-    left, size = _left(force, motion.missing, known, np.maximum(model.dof_M0 * jolt, ROUND_OFF))
+    every = np.concatenate([force, other_sizes(asked, motion)], 2)
+    weights = np.concatenate([known, np.ones(every.shape[2] - len(known))])
+    left, size = _left(every, motion.missing, weights, np.maximum(model.dof_M0 * jolt, ROUND_OFF))
     information, spread = _counted(force, left, size, motion)
     own = tuple(s for s in asked if s.name in {k.name for k in kept})
     return Sight(recording, motion, own, Judge(information, known, kept), size, track.count, spread, still, scales)

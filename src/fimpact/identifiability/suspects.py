@@ -1,6 +1,6 @@
 """What would be suspected first, each as columns of force along a motion, in units of its usual size."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +15,13 @@ from fimpact.smoothing.parameters import Parameter, parameters
 @dataclass(frozen=True)
 class Suspect:
     """One parameter that the case frees, or one effect at one place. makers: of each of its columns what makes it, and
-    its usual size in units of that. order: in which engineers suspect; -1 of a parameter."""
+    its usual size in units of that. others: other sizes of what is not proportional to its size. order: in which
+    engineers suspect; -1 of a parameter."""
 
     name: str
     order: int
     makers: tuple[tuple[Placed | Parameter, float], ...]
+    others: tuple[Placed, ...] = ()
 
     @property
     def free(self) -> bool:
@@ -45,11 +47,11 @@ def suspects(catalogue: Iterable[Effect], motion: Motion, scales: Scales) -> lis
     """The case's own unknowns, then rigid bodies, friction and motors; of two names for the same numbers of the model,
     the first."""
     track = motion.track
-    found = [_unknown(number) for number in parameters(track.simulator, track.simulator.theta, (), ())]
+    found = [unknown(number) for number in parameters(track.simulator, track.simulator.theta, (), ())]
     for effect in sorted(first_suspects(list(catalogue)), key=lambda own: own.order):
         for site in effect.sites(track.model, track.recording.channels) if effect.order <= MOTOR else ():
-            found += _of(effect, at(effect, site, track.model, scales))
-    return _without_twins(found, motion.bench)
+            found += of_choices(effect, at(effect, site, track.model, scales))
+    return without_twins(found, motion.bench)
 
 
 def columns(asked: Iterable[Suspect], motion: Motion) -> tuple[list[Asked], np.ndarray]:
@@ -65,16 +67,25 @@ def columns(asked: Iterable[Suspect], motion: Motion) -> tuple[list[Asked], np.n
     return kept, stacked(parts, motion.qvel) if parts else np.zeros((*motion.qvel.shape, 0))
 
 
-def _unknown(number: Parameter) -> Suspect:
+def other_sizes(asked: Iterable[Suspect], motion: Motion) -> np.ndarray:
+    """Columns, (N, nv, m), of the sizes that are not asked: what is left of a motion must not be what comes later than
+    the one size that is."""
+    made = [motion.of_effect(own) for suspect in asked for own in suspect.others]
+    parts = [force for force in made if force is not None and np.isfinite(force).all()]
+    return stacked(parts, motion.qvel) if parts else np.zeros((*motion.qvel.shape, 0))
+
+
+def unknown(number: Parameter) -> Suspect:
+    """A parameter that the case frees."""
     size = number.spread if np.isfinite(number.spread) else 1.0 if number.log else number.size
     return Suspect(number.of, -1, ((number, float(size)),))
 
 
-def _of(effect: Effect, choices: list[Candidate]) -> list[Suspect]:
+def of_choices(effect: Effect, choices: Sequence[Candidate]) -> list[Suspect]:
     """All choices of its shapes; of an effect that is not proportional to its size, the middle one."""
     if not choices:
         return []
-    chosen = choices if effect.linear else [choices[len(choices) // 2]]
+    chosen = of_usual_size(effect, choices)
     makers = []
     for own in chosen:
         for k in range(len(own.names)):
@@ -82,14 +93,21 @@ def _of(effect: Effect, choices: list[Candidate]) -> list[Suspect]:
             values = np.zeros(len(own.names))
             values[k] = small * own.sd[k]
             makers.append((own.placed(values), 1 / small))
-    return [Suspect(chosen[0].name, effect.order, tuple(makers))]
+    others = tuple(own.placed(np.zeros(len(own.names))) for own in choices if own not in chosen)
+    return [Suspect(chosen[0].name, effect.order, tuple(makers), others)]
+
+
+def of_usual_size(effect: Effect, choices: Sequence[Candidate]) -> Sequence[Candidate]:
+    """All choices of its shapes; of an effect that is not proportional to its size, the middle one."""
+    return choices if effect.linear else [choices[len(choices) // 2]]
 
 
 def _made(maker: Placed | Parameter, motion: Motion) -> np.ndarray | None:
     return motion.of_effect(maker) if isinstance(maker, Placed) else motion.of_number(maker)
 
 
-def _without_twins(found: list[Suspect], bench: Bench) -> list[Suspect]:
+def without_twins(found: Sequence[Suspect], bench: Bench) -> list[Suspect]:
+    """Of several that change the same numbers of the model, the first."""
     kept, known = [], set()
     for own in found:
         numbers = frozenset().union(*(_numbers(maker, bench) for maker, _ in own.makers))

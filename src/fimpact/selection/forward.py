@@ -39,7 +39,8 @@ class Alternative:
 @dataclass(frozen=True)
 class Explanation:
     """What was found: the naive fit, the final one, how many of its effects are of the first tier, rounds,
-    alternatives, the chance of the strongest hint where nothing was, and what is left without a name."""
+    alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: all but
+    refinements, as columns beside what was in when it was asked last."""
 
     naive: Smoothed
     final: Smoothed
@@ -51,6 +52,7 @@ class Explanation:
     missing: np.ndarray
     left: Leftover
     unasked: tuple[str, ...] = ()
+    asked: Regression | None = None
 
 
 class Search:
@@ -76,6 +78,7 @@ class Search:
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self._first: tuple[Regression, Round] | None = None
+        self.asked: Regression | None = None
         self._simulated = Simulated()
         self.hint = 1.0  # chance of the strongest hint of the first round
 
@@ -145,7 +148,7 @@ class Search:
         if not (self.coupled and any(c.effect.name in DRIVE for c in tried)):
             return
         regression, found = self.searched(tried, self.missing, SHARE)
-        self._first = regression, found
+        self._first, self.asked = (regression, found), regression
         trial = next((t for t in found.tried if t.option.compound), None)
         if trial is None:
             return
@@ -199,7 +202,7 @@ class Search:
             regression, found = self._first
         else:
             regression, found = self.searched(tried, missing, REFINES if small else SHARE)
-        self._first = None
+        self._first, self.asked = None, self.asked if small else regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
@@ -372,5 +375,5 @@ def explain(
     final = state.current = state.simplified()
     return Explanation(
         state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
-        state.missing, leftover(final, state.missing), limits.unasked(state.stopped),
+        state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.asked,
     )  # fmt: skip
