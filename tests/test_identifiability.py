@@ -1,17 +1,25 @@
 """What motions cannot show is known by hand on rigs so small: still joints, one speed, one direction, no gravity."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 
+from fimpact.effects import EFFECTS
 from fimpact.identifiability.checked import shown_by_motions
+from fimpact.identifiability.diagnosed import not_shown
 from fimpact.identifiability.judging import Asked, Judge
 from fimpact.identifiability.motions import Advisor
 from fimpact.identifiability.sight import Sight, look
-from fimpact.identifiability.wording import told
+from fimpact.identifiability.wording import UNSEEN, told
 from fimpact.recordings import Recording, Run, Unknown
+from fimpact.selection.regression import Regression
+from fimpact.smoothing.candidates import candidates
+from fimpact.smoothing.columns import columns, motion_scales
+from fimpact.smoothing.prepare import prepare
+from fimpact.smoothing.smoother import smooth
 
 PERIOD, NOISE = 0.01, 1e-4
 LINK = """<body name="{body}" pos="{pos}"><joint name="{joint}" axis="{axis}" damping="0.02"/>
@@ -31,12 +39,13 @@ def xml(axis: str = "0 1 0", joints: Sequence[str] = ("shoulder", "wrist"), grav
     )
 
 
-def moved(text: str, way: Callable[[np.ndarray], np.ndarray], unknowns: Sequence[Unknown] = (), seconds=8.0):
-    """The rig's joints (T, nq) along `way` of the time, under the torques that takes, with 2 % that nobody knows."""
+def moved(text: str, way: Callable[[np.ndarray], np.ndarray], unknowns: Sequence[Unknown] = (), back=False):
+    """The rig's joints (T, nq) along `way` of the time, under the torques that takes, with 2 % that nobody knows;
+    back: in a second run the other way. The last run is held out."""
     model, rng, runs = mujoco.MjModel.from_xml_string(text), np.random.default_rng(0), []
-    time = np.arange(round(seconds / PERIOD)) * PERIOD
-    for k in range(2):
-        qpos, data = way(time + 0.3 * k), mujoco.MjData(model)
+    time = np.arange(800) * PERIOD
+    for k, sign in enumerate((1, -1, 1) if back else (1, 1)):
+        qpos, data = sign * way(time + 0.3 * k), mujoco.MjData(model)
         qvel = np.gradient(qpos, PERIOD, axis=0)
         qacc, ctrl = np.gradient(qvel, PERIOD, axis=0), np.empty((len(time), model.nu))
         for row, out in enumerate(ctrl):
@@ -44,7 +53,8 @@ def moved(text: str, way: Callable[[np.ndarray], np.ndarray], unknowns: Sequence
             mujoco.mj_inverse(model, data)
             out[:] = data.qfrc_inverse
         ctrl += 0.02 * (ctrl.std(0) + 1e-3) * rng.standard_normal(ctrl.shape)
-        runs.append(Run(f"run_{k}", ctrl, qpos + NOISE * rng.standard_normal(qpos.shape), k == 1))
+        runs.append(Run(f"run_{k}", ctrl, qpos + NOISE * rng.standard_normal(qpos.shape), False))
+    runs[-1] = replace(runs[-1], held_out=True)
     names, free = tuple(model.joint(i).name for i in range(model.njnt)), np.full(2 * model.nv, np.inf)
     noise = np.full(len(names), NOISE)
     return Recording(text, ".", PERIOD, names, tuple(runs), tuple(unknowns), noise, free, 0.5)
@@ -55,9 +65,9 @@ def swing(*rates: float) -> Callable[[np.ndarray], np.ndarray]:
     return lambda t: np.stack([0.4 * np.sin(r * t) + 0.2 * np.sin(2.3 * r * t + 1) for r in rates], 1) + 0.3
 
 
-def at_one_speed(back: bool) -> Callable[[np.ndarray], np.ndarray]:
-    """1 rad/s, for ever or there and back."""
-    return lambda t: (np.arcsin(0.999999 * np.sin(1.5 * t)) / 1.5 if back else t)[:, None]
+def turning(time: np.ndarray) -> np.ndarray:
+    """1 rad/s, for ever."""
+    return time[:, None]
 
 
 def seen(recording: Recording) -> Sight:
@@ -92,7 +102,7 @@ def test_a_joint_that_never_moves_shows_no_friction_and_is_to_be_moved_alone():
 
 @pytest.mark.parametrize("back", [True, False])
 def test_at_one_speed_dry_and_viscous_friction_are_one(back):
-    sight = seen(moved(xml("0 0 1", ["wheel"]), at_one_speed(back)))
+    sight = seen(moved(xml("0 0 1", ["wheel"]), turning, back=back))
     assert together(sight, "coulomb@wheel", "viscous@wheel")
     posing = ("torque_offset@wheel_motor", "coulomb@wheel")
     assert (posing in sight.judge.judged().posing) == (not back)
@@ -103,7 +113,7 @@ def test_at_one_speed_dry_and_viscous_friction_are_one(back):
 
 
 def test_two_speeds_tell_dry_from_viscous_friction():
-    sight = seen(moved(xml("0 0 1", ["wheel"]), at_one_speed(True)))
+    sight = seen(moved(xml("0 0 1", ["wheel"]), turning, back=True))
     names = ["coulomb@wheel", "viscous@wheel"]
     advice, groups = Advisor(sight, names).parts(names)
     assert len(groups) == 2
@@ -154,6 +164,23 @@ def test_what_nobody_measures_is_left_to_the_diagnosis():
     assert look(part) == "nothing measures where wrist is"
 
 
+def test_a_diagnosis_tells_it_of_all_that_its_search_asked():
+    recording = moved(xml("0 0 1"), swing(2.0, 0.0), [Unknown("inertia", "wrist_link", 0.3)])
+    made = prepare(recording)
+    smoothed = smooth(made.track, made.begun, made.noise)
+    names = ("inertia", "coulomb", "viscous", "stribeck", "sensor_bias")
+    tried = candidates([EFFECTS[name] for name in names], made.track, motion_scales(smoothed))
+    found = not_shown(recording, Regression(smoothed, columns(smoothed, tried)))
+    unseen = {name: one for one in found for name in one.names if one.kind == UNSEEN}
+    assert "coulomb@wrist" in unseen
+    assert "coulomb@shoulder" not in unseen
+    assert unseen["coulomb@wrist"].motion.startswith("Move wrist alone")
+    every = [name for one in found for name in one.names]
+    assert not [name for name in every if name.startswith("stribeck")]
+    assert every.count("inertia@wrist_link") <= 1
+    assert not_shown(recording, None) == ()
+
+
 def judge(gram: Sequence[Sequence[float]], free: Sequence[bool]) -> Judge:
     asked = [Asked(f"{'abc'[k]}@x", own, -1 if own else 1, (k,)) for k, own in enumerate(free)]
     return Judge(np.array(gram, float), np.ones(len(free)), asked)
@@ -181,3 +208,27 @@ def test_what_only_all_together_take_up_is_told_apart_from_pairs():
     found = judge(columns.T @ columns, [True, True, False]).judged()
     assert found.alike == ()
     assert found.swallowed == ("c@x",)
+
+
+def test_what_servos_are_late_by_is_no_noise():
+    """A lag beyond the one size that is asked is not left over as noise that hides all else."""
+    text = xml("0 1 0", ["arm"]).replace("<motor", '<position kp="20" kv="1"')
+    still = moved(text, swing(2.0))
+    late = tuple(Run(r.name, np.roll(r.measured, -12, 0) + 0.05, r.measured, r.held_out) for r in still.runs)
+    sight = seen(Recording(text, ".", PERIOD, ("arm",), late, (), still.noise, still.start_sd, 0.5))
+    left = sight.noise / np.sqrt(np.mean(sight.motion.missing**2, 0))
+    assert left < 0.1
+
+
+def test_readings_slower_than_the_grid_are_taken_at_their_own_pace():
+    whole = moved(xml(), swing(2.0, 3.1), [Unknown("mass", "wrist_link", 0.2)])
+    runs = []
+    for run in whole.runs:
+        measured = run.measured.copy()
+        measured[1::2] = np.nan
+        runs.append(Run(run.name, run.ctrl, measured, run.held_out))
+    slow = seen(
+        Recording(whole.xml, ".", PERIOD, whole.channels, tuple(runs), whole.unknowns, whole.noise, whole.start_sd, 0.5)
+    )
+    assert slow.motion.track.period == 2 * PERIOD
+    assert "mass@wrist_link" not in slow.judge.judged().unseen

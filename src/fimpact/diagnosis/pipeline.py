@@ -106,7 +106,8 @@ def diagnose(
     members = _members(found, answer)
     missing = answer != NONE
     words = verdict(effects, [m.name for m in members[1:]], missing, left["sentence"] if missing else "", notes)
-    unshown = () if brief else not_shown(recording, found.asked)
+    rivals = {p.name for own in (found.final, *found.alternatives) for p in own.placed}
+    unshown = () if brief else not_shown(recording, found.asked, rivals)
     return Diagnosis(
         recording, prepared, found, naive, best, members, effects, rows, proof, left, tuple(notes), answer, words,
         unshown,

@@ -1,6 +1,7 @@
 """What the recordings of a diagnosis could not show of all that its search asked."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,18 +16,21 @@ from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.parameters import Parameter
 
 
-def not_shown(recording: Recording, asked: Regression | None) -> tuple[Told, ...]:
+def not_shown(recording: Recording, asked: Regression | None, rivals: Collection[str] = ()) -> tuple[Told, ...]:
     """What the recordings cannot show or tell apart, beside what is in the model by now.
 
     Args:
-        asked: the columns of the last round; None: nothing was asked.
+        asked: the columns of the last round; None: nothing was asked. rivals: ``effect@site`` of the answer and of what
+            the search itself could not tell from it, which is told elsewhere.
     """
     if asked is None:
         return ()
     found = look(recording)
     sight = found if isinstance(found, Sight) else None
     judge = _judge(asked, _still(sight) if sight else set())
-    return tuple(told(judge.judged(), judge.asked, sight))
+    judged = judge.judged()
+    alike = tuple(group for group in judged.alike if not set(group) <= set(rivals))
+    return tuple(told(replace(judged, alike=alike), judge.asked, sight))
 
 
 def _still(sight: Sight) -> set[str]:
@@ -61,7 +65,8 @@ def _tried(
     every = [unknown(n) for n in numbers if n.place < 0]
     for own in chosen.values():
         every += of_choices(candidates[own[0]].effect, [candidates[i] for i in own])
-    kept = {own.name for own in without_twins(every, Bench(regression.smoothed.linear.plant.model))}
+    bench = Bench(regression.smoothed.linear.plant.model)
+    kept = {own.name for own in without_twins(every, bench) if not own.free}
     found = {}
     for name, own in chosen.items():
         if name in kept:

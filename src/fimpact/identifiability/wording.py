@@ -12,6 +12,7 @@ from fimpact.effects.sites import ALL, WORLD
 from fimpact.identifiability.judging import Asked, Judged
 from fimpact.identifiability.motions import Advice, Advisor
 from fimpact.identifiability.sight import Sight
+from fimpact.recordings import FIELDS
 
 MOST, NAMES = 6, 4  # lines, and names in one of them
 FREED = {"com_x": "centre of mass (x)", "com_y": "centre of mass (y)", "com_z": "centre of mass (z)"}
@@ -22,7 +23,7 @@ UNSEEN, ALIKE, SWALLOWED = "unseen", "alike", "swallowed"
 HEADINGS = {
     UNSEEN: "cannot be seen in these motions, if no larger than usual",
     ALIKE: "cannot be told apart in these motions",
-    SWALLOWED: "cannot be told from the rest of what the case frees",
+    SWALLOWED: "cannot be told from all that is fitted together",
 }
 
 
@@ -60,8 +61,8 @@ def _group(names: Sequence[str], known: dict[str, Asked], advisor: Advisor | Non
     what = _listed([in_words(known[name]) for name in names])
     found = advisor.parts(names) if advisor else None
     if found is None:
-        less = ", or give it a smaller sd" if any(known[name].free for name in names) else ""
-        motion = f"No simple motion tells them apart: measure one of them{less}." if advisor else ""
+        less = ", or give it a smaller sd" if any(_of_case(known[name]) for name in names) else ""
+        motion = f"No simple motion tells them apart: measure one of them{less}." if _knows(advisor, names) else ""
         return Told(ALIKE, tuple(names), what, motion)
     advice, groups = found
     left = [_listed([in_words(known[name]) for name in own]) for own in groups if len(own) > 1]
@@ -88,12 +89,19 @@ def _posing(pairs: Sequence[tuple[str, str]], known: dict[str, Asked], advisor: 
     ]
 
 
+def _knows(advisor: Advisor | None, names: Sequence[str]) -> bool:
+    """Whether it is known what motions would do: all of these are forces along them."""
+    return advisor is not None and set(names) <= set(advisor.names)
+
+
 def _swallowed(names: Sequence[str], known: dict[str, Asked], advisor: Advisor | None) -> Told:
     what = _listed([in_words(known[name]) for name in names])
-    advice = advisor.frees(names) if advisor else None
+    advice = advisor.frees(names) if advisor and _knows(advisor, names) else None
     if advice:
         return Told(SWALLOWED, tuple(names), what, f"{_move([advice])}.")
-    motion = "Only combinations of them show in a simple motion: free fewer, or give smaller sd." if advisor else ""
+    motion = (
+        "Only combinations show in a simple motion: free fewer, or give smaller sd." if _knows(advisor, names) else ""
+    )
     return Told(SWALLOWED, tuple(names), what, motion)
 
 
@@ -102,7 +110,7 @@ def _unseen(judged: Judged, known: dict[str, Asked], sight: Sight | None, adviso
     rows: dict[tuple[str, str, str], list[tuple[Asked, Advice | None]]] = {}
     for name in judged.unseen:
         own, advice = known[name], advisor.shows(name) if advisor else None
-        if advice or own.free or not advisor:
+        if advice or own.free or not _knows(advisor, [name]):
             how = (advice.how, bool(advice.joint)) if advice else ("", False)
             rows.setdefault((own.site, _why(own, sight), f"{how} {own.free}"), []).append((own, advice))
     merged: dict[tuple, list[list[tuple[Asked, Advice | None]]]] = {}
@@ -115,7 +123,7 @@ def _line(kinds: Sequence[str], why: str, parts: list[list[tuple[Asked, Advice |
     sites = [members[0][0].site for members in parts]
     names = tuple(own.name for members in parts for own, _ in members)
     because = f" ({why.format('they' if len(sites) > 1 else 'it', 's' * (len(sites) == 1))})" if why else ""
-    free = parts[0][0][0].free
+    free = _of_case(parts[0][0][0])
     advice = [members[0][1] for members in parts if members[0][1]]
     own = "No simple motion shows it: the fit leaves it as the case has it." if free else ""
     at = "" if sites[0] in (ALL, WORLD) else f" {'of' if free else 'at'} {_listed(sites)}"
@@ -158,15 +166,21 @@ def _dofs(site: str, sight: Sight) -> np.ndarray:
 
 def title(own: Asked) -> str:
     """What it is, without its place."""
-    named = FREED if own.free else TITLES
+    named = FREED if _of_case(own) else TITLES
     return named.get(own.kind, own.kind.replace("_", " "))
 
 
 def in_words(own: Asked) -> str:
-    """``mass of link (free)``, ``viscous friction at wrist``."""
-    if own.site in (ALL, WORLD):
-        return title(own)
-    return f"{title(own)} of {own.site} (free)" if own.free else f"{title(own)} at {own.site}"
+    """``mass of link (free)``, ``viscous friction at wrist``; ``(found)`` is what a diagnosis put into the model."""
+    if _of_case(own):
+        return f"{title(own)} of {own.site} (free)"
+    at = "" if own.site in (ALL, WORLD) else f" at {own.site}"
+    return f"{title(own)}{at}{' (found)' if own.free else ''}"
+
+
+def _of_case(own: Asked) -> bool:
+    """Whether the case frees it: what else is fitted anyway is an effect that was found."""
+    return own.free and own.kind in FIELDS
 
 
 def _listed(names: Iterable[str], joint: str = "and") -> str:
