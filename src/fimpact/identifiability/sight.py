@@ -26,7 +26,7 @@ from fimpact.smoothing.states import States
 from fimpact.smoothing.stretches import spread_of_scores, stretches
 from fimpact.smoothing.track import Track
 
-ROWS = 1000  # samples that are looked at, spread over all
+ROWS = 600  # samples that are looked at, spread over all
 STEPS = 5  # between what is left of a fit and the noise that it is given
 LONGEST = 2000  # samples of noise alone
 FEWEST = 20  # samples of a run, and rows at most for a reading
