@@ -16,15 +16,13 @@ from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.parameters import Parameter
 
 
-def not_shown(recording: Recording, asked: Regression | None, rivals: Collection[str] = ()) -> tuple[Told, ...]:
+def not_shown(recording: Recording, asked: Regression, rivals: Collection[str] = ()) -> tuple[Told, ...]:
     """What the recordings cannot show or tell apart, beside what is in the model by now.
 
     Args:
-        asked: the columns of the last round; None: nothing was asked. rivals: ``effect@site`` of the answer and of what
+        asked: columns beside the final fit. rivals: ``effect@site`` of the answer and of what
             the search itself could not tell from it, which is told elsewhere.
     """
-    if asked is None:
-        return ()
     found = look(recording)
     sight = found if isinstance(found, Sight) else None
     judge = _judge(asked, _still(sight) if sight else set())
@@ -61,7 +59,8 @@ def _tried(
     for i, own in enumerate(candidates):
         places.setdefault(own.name, []).append(i)
     suspected = {effect.name for effect in first_suspects([own.effect for own in candidates])}
-    chosen = {name: own for name, own in places.items() if candidates[own[0]].effect.name in suspected}
+    held = {f"{part}@{law.site}" for law in regression.smoothed.placed for part in law.effect.contains}
+    chosen = {n: own for n, own in places.items() if candidates[own[0]].effect.name in suspected and n not in held}
     every = [unknown(n) for n in numbers if n.place < 0]
     for own in chosen.values():
         every += of_choices(candidates[own[0]].effect, [candidates[i] for i in own])

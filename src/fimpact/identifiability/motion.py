@@ -132,7 +132,7 @@ class Motion:
 
     @cached_property
     def told(self) -> np.ndarray:
-        """Commands, (N, nu), under which motors of torque give what the motion takes.
+        """Commands, (N, nu), under which motors and servos give what the motion takes.
 
         What was applied is an outcome: with it in a column, that nothing weighs and no motor gives would explain all.
         """
@@ -141,7 +141,7 @@ class Motion:
             dof = int(self.model.joint(joint).dofadr[0])
             for motor in motors[:1]:
                 per_unit = self.model.actuator_gainprm[motor, 0] * self.model.actuator_gear[motor, 0]
-                if self.model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE and per_unit:
+                if per_unit:
                     out[:, motor] += self.missing[:, dof] / per_unit
         return out
 

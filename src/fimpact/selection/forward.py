@@ -39,8 +39,8 @@ class Alternative:
 @dataclass(frozen=True)
 class Explanation:
     """What was found: the naive fit, the final one, how many of its effects are of the first tier, rounds,
-    alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: all but
-    refinements, as columns beside what was in when it was asked last."""
+    alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
+    columns of all that was asked, but for refinements, beside the final fit."""
 
     naive: Smoothed
     final: Smoothed
@@ -52,7 +52,7 @@ class Explanation:
     missing: np.ndarray
     left: Leftover
     unasked: tuple[str, ...] = ()
-    asked: Regression | None = None
+    asked: Callable[[], Regression] | None = None
 
 
 class Search:
@@ -177,6 +177,15 @@ class Search:
             if not self._simulated.renew(units([tried[i] for t in best for i in t.option.members])):
                 self.track.steps = steps  # one pass a round, however many places there are
                 return regression, found
+
+    def beside(self) -> Regression:
+        """Columns of all that may be asked, but for refinements, beside what is in."""
+        if self.asked is not None and self.asked.smoothed is self.current:
+            return self.asked
+        steps = self.track.steps
+        found = Regression(self.current, columns(self.current, self.open(False), self._simulated))
+        self.track.steps = steps
+        return found
 
     def offered(self, tried: list[Candidate]) -> list[Option]:
         """Options of what is tried, without those that failed or are not to be asked."""
@@ -375,5 +384,5 @@ def explain(
     final = state.current = state.simplified()
     return Explanation(
         state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
-        state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.asked,
+        state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
     )  # fmt: skip
