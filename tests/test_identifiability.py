@@ -220,7 +220,7 @@ def test_what_servos_are_late_by_is_no_noise_and_what_they_give_no_column():
     late = tuple(Run(r.name, np.roll(r.measured, -20, 0), r.measured, r.held_out) for r in still.runs)
     sight = seen(Recording(text, ".", PERIOD, ("arm",), late, (), still.noise, still.start_sd, 0.5))
     left = sight.noise[0] / np.sqrt(np.mean(sight.motion.missing**2))
-    assert 1e-3 < left < 0.05
+    assert 1e-3 < left < 0.15
 
 
 def test_readings_slower_than_the_grid_are_taken_at_their_own_pace():
