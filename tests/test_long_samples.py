@@ -12,7 +12,8 @@ from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.forward import Search
 from fimpact.simulation.starts import believed_noise, noise_level
-from fimpact.smoothing.columns import candidates, columns, motion_scales, units
+from fimpact.smoothing.candidates import candidates
+from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.lateness import lateness
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.response import Response

@@ -17,7 +17,8 @@ from fimpact.selection.limits import Limits
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
-from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales, units
+from fimpact.smoothing.candidates import Candidate, candidates
+from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.lateness import LATE, Way
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
 from fimpact.smoothing.simulated import Simulated
@@ -39,7 +40,8 @@ class Alternative:
 @dataclass(frozen=True)
 class Explanation:
     """What was found: the naive fit, the final one, how many of its effects are of the first tier, rounds,
-    alternatives, the chance of the strongest hint where nothing was, and what is left without a name."""
+    alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
+    columns of all that was asked, but for refinements, beside the final fit."""
 
     naive: Smoothed
     final: Smoothed
@@ -51,6 +53,7 @@ class Explanation:
     missing: np.ndarray
     left: Leftover
     unasked: tuple[str, ...] = ()
+    asked: Callable[[], Regression] | None = None
 
 
 class Search:
@@ -76,6 +79,7 @@ class Search:
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self._first: tuple[Regression, Round] | None = None
+        self.asked: Regression | None = None
         self._simulated = Simulated()
         self.hint = 1.0  # chance of the strongest hint of the first round
 
@@ -149,7 +153,7 @@ class Search:
         if not (self.coupled and any(c.effect.name in DRIVE for c in tried)):
             return
         regression, found = self.searched(tried, self.missing, SHARE)
-        self._first = regression, found
+        self._first, self.asked = (regression, found), regression
         trial = next((t for t in found.tried if t.option.compound), None)
         if trial is None:
             return
@@ -179,6 +183,15 @@ class Search:
                 self.track.steps = steps  # one pass a round, however many places there are
                 return regression, found
 
+    def beside(self) -> Regression:
+        """Columns of all that may be asked, but for refinements, beside what is in."""
+        if self.asked is not None and self.asked.smoothed is self.current:
+            return self.asked
+        steps = self.track.steps
+        found = Regression(self.current, columns(self.current, self.open(False), self._simulated))
+        self.track.steps = steps
+        return found
+
     def offered(self, tried: list[Candidate]) -> list[Option]:
         """Options of what is tried, without those that failed or are not to be asked."""
         found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
@@ -203,7 +216,7 @@ class Search:
             regression, found = self._first
         else:
             regression, found = self.searched(tried, missing, REFINES if small else SHARE)
-        self._first = None
+        self._first, self.asked = None, self.asked if small else regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
@@ -376,5 +389,5 @@ def explain(
     final = state.current = state.simplified()
     return Explanation(
         state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
-        state.missing, leftover(final, state.missing), limits.unasked(state.stopped),
+        state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
     )  # fmt: skip
