@@ -117,7 +117,7 @@ def diagnose(
 def _answer(effects: Sequence[Finding], left: dict[str, Any]) -> str:
     main = [f for f in effects if f.tier != SLIGHT]
     named = sorted(f.name for f in main if f.seen) or sorted(f.name for f in main if f.why_not != NAMELESS)
-    return "+".join(named) or (UNNAMED if left["unnamed"] or effects else NONE)
+    return "+".join(named) or (UNNAMED if left["unnamed"] or main else NONE)
 
 
 def _members(found: Explanation, answer: str) -> tuple[Member, ...]:

@@ -124,7 +124,7 @@ class Search:
         fits, known = [], {c.name: c for c in self.candidates}
         for way in (way for way in late if all(own.name in known for own in way)):
             asked = [known[own.name] for own in way]
-            placed = [replace(own, sizes=c.sizes, ranges=c.ranges) for own, c in zip(way, asked, strict=True)]
+            placed = [c.placed_as(own.values) for own, c in zip(way, asked, strict=True)]
             self.progress(f"selecting: {way[0].name}, which takes away nearly all that the next samples miss")
             fit = smooth(self.track, self.begun, self.noise, placed, [c.priors for c in asked], progress=self.progress)
             if len(way) == 1 and fit.converged:

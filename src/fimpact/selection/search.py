@@ -127,7 +127,9 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     gain, dispersion = regression.gain(now, found)
     p = min(1.0, chance(gain, dispersion, added) * regression.independent)
     left = regression.errors(found)
-    taken = (forces - regression.forces_left(found)).sum(0) / np.maximum(missing, 1e-300)
+    whole = regression.force_of(now, found)
+    taken = (forces - regression.forces_left(found)).sum(0) if whole is None else whole
+    taken = taken / np.maximum(missing, 1e-300)
     place, better = int(np.argmax(taken)), errors - left
     # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
     relief = regression.tension(now) - regression.tension(found)

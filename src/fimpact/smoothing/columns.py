@@ -13,16 +13,16 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Placed, Scales
-from fimpact.effects.sites import ON_JOINT
 from fimpact.simulation.nonsmooth import stop_within_a_step
-from fimpact.smoothing.candidates import Candidate, scales_along
+from fimpact.smoothing.candidates import Candidate, needed_of_motors, scales_along
 from fimpact.smoothing.filtering import swept
 from fimpact.smoothing.inverse import edits
 from fimpact.smoothing.laws import DRY, acts_of, expected_sign, middle, predicted_commands, reading_of, speed_doubt
+from fimpact.smoothing.linear import Linear
 from fimpact.smoothing.response import Change, Response
 from fimpact.smoothing.simulated import Simulated
-from fimpact.smoothing.smoother import Smoothed
-from fimpact.smoothing.track import Plant
+from fimpact.smoothing.smoother import Smoothed, inverse_of_push
+from fimpact.smoothing.track import Plant, Track
 
 ACTING = ("force", "friction", "gear")  # ways in which laws act along a motion, without a simulation
 SMALL = 1e-2  # share of its prior at which a linear effect is tried: in contact no tangent holds for all of it
@@ -34,13 +34,15 @@ class Columns:
 
     innovations: (N, ny, 1 + p + c), sensitivities with their sign so that data = columns @ values. forces: (N, nv,
     1 + p + c), the posterior missing force of each in the same sense. owners: (candidate, amplitude) of each of the c
-    columns, which are in units of the prior's sd.
+    columns, which are in units of the prior's sd. whole: (N, nv, p + c), under stiff servos, the force that would do
+    what a unit of each does: of that the smoother sees no more than its noise lets through.
     """
 
     innovations: np.ndarray
     forces: np.ndarray
     candidates: tuple[Candidate, ...]
     owners: tuple[tuple[int, int], ...]
+    whole: np.ndarray | None = None
 
     def of(self, candidate: int) -> list[int]:
         """Columns, counted from the first candidate's, of one candidate."""
@@ -114,7 +116,14 @@ def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Colu
     forces = -(smoothed.levels.forces**2)[:, :, None] * adjoint[:, track.space.size :]
     sign = np.ones(innovations.shape[2])
     sign[1:] = -1.0
-    return Columns(innovations * sign, forces * sign, tried, owners)
+    return Columns(innovations * sign, forces * sign, tried, owners, _whole(track, linear, whole, means))
+
+
+def _whole(track: Track, linear: Linear, with_all: Linear, means: np.ndarray) -> np.ndarray | None:
+    if not track.long:
+        return None
+    moved = with_all.offsets[:, : 2 * track.model.nv, 1:]
+    return means[:, :, 1:] + np.matmul(inverse_of_push(track, linear), moved)
 
 
 class _Maker:
@@ -178,20 +187,10 @@ class _Maker:
     def _exceeded(self, before: mujoco.MjModel, after: mujoco.MjModel) -> bool:
         """Whether the motion needed more of a motor than a limit would let it give."""
         limited = np.flatnonzero((before.actuator_forcerange != after.actuator_forcerange).any(1))
-        return any(self._needed(m) > 1.1 * np.abs(after.actuator_forcerange[m]).max() for m in limited)
-
-    def _needed(self, motor: int) -> float:
-        model, states = self.plant.model, self.smoothed.states
-        if model.actuator_trntype[motor] != ON_JOINT:
-            return 0.0
-        joint = model.actuator_trnid[motor, 0]
-        dof, gear = model.jnt_dofadr[joint], model.actuator_gear[motor, 0]
-        gain, bias = model.actuator_gainprm[motor], model.actuator_biasprm[motor]
-        length, speed = gear * states.qpos[:, model.jnt_qposadr[joint]], gear * states.qvel[:, dof]
-        given = gain[0] * self.plant.ctrl.values[:, 0, motor] + bias[0] + bias[1] * length + bias[2] * speed
-        if model.actuator_forcelimited[motor]:
-            given = np.clip(given, *model.actuator_forcerange[motor])
-        return float(np.quantile(np.abs(given + self.smoothed.tau[:, dof] / gear), 0.99))
+        if not len(limited):
+            return False
+        needed = needed_of_motors(self.track, before, self.plant.ctrl.mean, self.smoothed.states, self.smoothed.tau)
+        return any(needed[m] > 1.1 * np.abs(after.actuator_forcerange[m]).max() for m in limited)
 
     def _measurement(self, placed: Placed) -> Change:
         base = self.smoothed.linear.base.readings
@@ -201,4 +200,5 @@ class _Maker:
 
 def motion_scales(smoothed: Smoothed) -> Scales:
     """Typical magnitudes of the smoothed motion, from which probes and priors follow."""
-    return scales_along(smoothed.track, smoothed.linear.plant.model, smoothed.states, smoothed.tau)
+    plant = smoothed.linear.plant
+    return scales_along(smoothed.track, plant.model, smoothed.states, smoothed.tau, plant.ctrl.mean)
