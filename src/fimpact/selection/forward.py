@@ -143,8 +143,10 @@ class Search:
         tried = self.open(False)
         if not (self.coupled and any(c.effect.name in DRIVE for c in tried)):
             return
+        if self.far:  # nothing else has a say: its columns are no tangents
+            tried = [c for c in tried if c.effect.name in DRIVE]
         regression, found = self.searched(tried, self.missing, SHARE)
-        self._first = regression, found
+        self._first = None if self.far else (regression, found)
         trial = next((t for t in found.tried if t.option.compound), None)
         if trial is None:
             return

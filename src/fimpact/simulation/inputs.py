@@ -45,8 +45,9 @@ class InputSignal:
         laws = [p for p in placed if p.effect.enters == "command"]
         if not laws:
             return signal.ctrl, None
-        # Whole runs, because a window's first commands depend on those before it.
-        ctrl = np.repeat(windows.ctrl, self.substeps * FINER, 1)
+        # Whole runs, because a window's first commands depend on those before it, but not on those after its last.
+        needed = -(-(int(windows.first.max()) * self.substeps + signal.time.shape[1]) // self.substeps)
+        ctrl = np.repeat(windows.ctrl[:, :needed], self.substeps * FINER, 1)
         time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.model.opt.timestep / FINER), ctrl.shape[:2])
         for law in laws:
             ctrl = law.effect.law(ctrl, self.describe(time, ctrl), law.site, **law.values)

@@ -24,7 +24,8 @@ from fimpact.recordings import FIELDS, Recording
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
 from fimpact.simulation.inputs import InputSignal
 from fimpact.simulation.model_pool import ModelPool
-from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
+from fimpact.simulation.nonsmooth import has_constraints, has_contacts, make_friction_exact
+from fimpact.simulation.servo_steps import held_by_servos
 from fimpact.simulation.windows import Windows
 from fimpact.visuals import without_visuals
 
@@ -93,6 +94,7 @@ class Simulator:
         self._scratch = mujoco.MjData(self.base)
         self._size = mujoco.mj_stateSize(self.base, FULL)
         self._pool, self._last = ModelPool(), (None, self.base)
+        self._accelerations: dict[int, np.ndarray] = {}  # of as many states as were last advanced together
 
     @cached_property
     def theta(self) -> np.ndarray:
@@ -157,8 +159,11 @@ class Simulator:
         control[:, :, :nu] = ctrl if np.ndim(ctrl) == 3 else np.asarray(ctrl)[:, None]
         control[:, :, nu:] = force[:, None]
         state, sensed = np.empty((n, steps, self._size)), np.empty((n, steps, model.nsensordata))
-        with _without_idle_solver(model):
-            self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed)
+        with _without_idle_solver(model), held_by_servos([model], self.recording.period):
+            self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed, self._accelerations.get(n))
+        if has_constraints(model):
+            found = (self._unpack(state[:, 0])[1] - qvel) / model.opt.timestep
+            self._accelerations[n] = np.where(np.isfinite(found).all(1, keepdims=True), found, 0.0)
         return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns]
 
     def _drive(self, hypothesis: Hypothesis, windows: Windows) -> Drive:
@@ -170,10 +175,12 @@ class Simulator:
         laws, drive = hypothesis.of_kind(*LAWS), self._drive(hypothesis, windows)
         model = self._cached_model(hypothesis)
         if not laws:
-            with _without_idle_solver(model):
+            with _without_idle_solver(model), held_by_servos([model], self.recording.period):
                 return self._at_once(model, drive, start)
         copies = self._pool.for_windows(model, len(start)) if hypothesis.of_kind(*WRITES) else []
-        return self._step_by_step(model, AddedForces(model, copies, laws), copies, drive, start)
+        added = AddedForces(model, copies, laws)
+        with held_by_servos(copies or [model], self.recording.period):
+            return self._step_by_step(model, added, copies, drive, start)
 
     def _cached_model(self, hypothesis: Hypothesis) -> mujoco.MjModel:
         """The model as made for the last prediction where it is the same: many hypotheses differ in laws only."""
@@ -214,9 +221,15 @@ class Simulator:
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].swapaxes(0, 1)
 
-    def _run(self, models: list, start, control, state, sensed) -> None:
-        """Fill `state` and `sensed`, (n, steps, size) each, without MuJoCo's own checks and copies."""
+    def _run(self, models: list, start, control, state, sensed, accelerations: np.ndarray | None = None) -> None:
+        """Fill `state` and `sensed`, (n, steps, size) each, without MuJoCo's own checks and copies.
+
+        Args:
+            accelerations: (n, nv), from which the constraint solver begins: of the same samples, differently held. The
+                nearer, the sooner it ends; where it ends does not depend on it.
+        """
         sizes = {"nstep": control.shape[1], "control_spec": CONTROL, "skip_checks": True}
+        sizes |= {} if accelerations is None else {"initial_warmstart": accelerations}
         self._engine.rollout(models, self._data, start, control, state=state, sensordata=sensed, **sizes)
 
     def _slow(self, solref: np.ndarray) -> None:
@@ -255,6 +268,9 @@ def _configure(model: mujoco.MjModel) -> None:
     model.opt.tolerance = min(model.opt.tolerance, CONVERGED)
     model.opt.iterations = max(model.opt.iterations, ITERATIONS)
     model.opt.ls_iterations = max(model.opt.ls_iterations, ITERATIONS)
+    # Of limbs that move without one another half of all entries are nothing: left out, contact takes half the time.
+    if has_contacts(model) and model.nM < model.nv * (model.nv + 1) // 2:
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.sites import ON_JOINT
-from fimpact.simulation.nonsmooth import is_long
+from fimpact.simulation.servo_steps import is_long
 from fimpact.smoothing.inverse import EDITED, RESTING, Inverse, edits
 from fimpact.smoothing.laws import reading_of
 from fimpact.smoothing.states import States

@@ -12,7 +12,8 @@ from fimpact.deciding import DOUBT
 from fimpact.effects.base import Placed
 from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
-from fimpact.simulation.nonsmooth import is_long, stop_within_a_step
+from fimpact.simulation.nonsmooth import stop_within_a_step
+from fimpact.simulation.servo_steps import is_long
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut
 from fimpact.smoothing.laws import DRY, force_of, reading_of, touching
@@ -287,7 +288,7 @@ def refined(
     if refine:
         track = Track(Simulator(recording, refine), runs)
         return _in_contact(track), begin(track)
-    refine, track, states, apart = 1, None, None, False
+    refine, track, states, apart, errors = 1, None, None, False, []
     while True:
         finer = Track(Simulator(recording, refine, apart), runs)
         if finer.simulator.substeps < 2:
@@ -297,11 +298,21 @@ def refined(
             states = begin(finer)
             apart = can_touch(finer.model) and not touching(finer, states).any()
             finer = Track(Simulator(recording, refine, apart), runs) if apart else finer
-        if track is not None and _error(track, finer, states, noise, placed) < DOUBT:
-            return _in_contact(track), states
+        if track is not None:
+            errors.append(_error(track, finer, states, noise, placed))
+            if errors[-1] < DOUBT:
+                return _in_contact(track), states
+        # The error of a contact goes with the step: where the finest is not fine enough, none in between is asked.
+        if can_touch(finer.model) and len(errors) > 1 and _ends_at(errors, FINEST / refine) > DOUBT:
+            return _in_contact(Track(Simulator(recording, FINEST, apart), runs)), states
         track, refine = finer, 2 * refine
         if refine > FINEST:
             return _in_contact(track), states
+
+
+def _ends_at(errors: Sequence[float], finer: float) -> float:
+    """The error of a step so many times `finer`, where each halving does what the last one did."""
+    return errors[-1] * (errors[-1] / errors[-2]) ** np.log2(finer)
 
 
 def _in_contact(track: Track) -> Track:
