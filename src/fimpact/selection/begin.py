@@ -71,14 +71,26 @@ def at_typical_sizes(regression: Regression, trial: Trial) -> Trial:
     return replace(trial, estimate=replace(trial.estimate, kept=tuple(own), values=np.array(list(own.values()))))
 
 
-def in_midst(placed: Sequence[Placed]) -> tuple[Placed, ...]:
-    """Effects of which those far from their like at other joints are put in their midst."""
-    values: dict[str, list[float]] = {}
-    for law in placed:
-        values.setdefault(law.effect.name, []).append(law.values[law.effect.coefficients[0].name])
+def in_midst(placed: Sequence[Placed], priors: Sequence[dict[str, float]]) -> tuple[Placed, ...]:
+    """Effects of which those far from their like at other joints are put in their midst: far as they are, and far
+    beside what their joints carry, since a wrist has a smaller gear.
+
+    Args:
+        priors: sd of the amplitudes of each, as such parts have them.
+    """
+    values: dict[str, list[tuple[float, float]]] = {}
+    for law, prior in zip(placed, priors, strict=True):
+        values.setdefault(law.effect.name, []).append(_sizes(law, prior))
     moved = []
-    for law in placed:
-        name, midst = law.effect.coefficients[0].name, float(np.median(values[law.effect.name]))
-        far = not midst / TRUST <= law.values[name] <= midst * TRUST
-        moved.append(replace(law, values=law.values | {name: midst}) if far else law)
+    for law, prior in zip(placed, priors, strict=True):
+        midst = np.median(values[law.effect.name], axis=0)
+        far = np.abs(np.log(np.maximum(_sizes(law, prior), 1e-300) / np.maximum(midst, 1e-300))) > np.log(TRUST)
+        name = law.effect.coefficients[0].name
+        moved.append(replace(law, values=law.values | {name: float(midst[0])}) if far.all() else law)
     return tuple(moved)
+
+
+def _sizes(law: Placed, prior: dict[str, float]) -> tuple[float, float]:
+    """The first amplitude of an effect, as it is and beside its prior."""
+    name = law.effect.coefficients[0].name
+    return law.values[name], law.values[name] / prior.get(name, 1.0)

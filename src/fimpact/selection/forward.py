@@ -184,7 +184,7 @@ class Search:
     def alike(self, fit: Smoothed) -> Smoothed:
         """`fit`, or the likelier one that begins with what lies far from its like at other joints in their midst: the
         same motors and gears sit at every joint, and a light one has optima of its own far below."""
-        placed = in_midst(fit.placed)
+        placed = in_midst(fit.placed, fit.priors)
         if placed == fit.placed:
             return fit
         other = smooth(self.track, self.begun, self.noise, placed, fit.priors, fit, progress=self.progress)

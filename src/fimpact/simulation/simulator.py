@@ -94,7 +94,6 @@ class Simulator:
         self._scratch = mujoco.MjData(self.base)
         self._size = mujoco.mj_stateSize(self.base, FULL)
         self._pool, self._last = ModelPool(), (None, self.base)
-        self._accelerations: dict[int, np.ndarray] = {}  # of as many states as were last advanced together
 
     @cached_property
     def theta(self) -> np.ndarray:
@@ -143,16 +142,18 @@ class Simulator:
         return measured[:, ::pieces]
 
     @DIVERGED
-    def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force) -> tuple[np.ndarray, ...]:
+    def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force, near=None) -> tuple[np.ndarray, ...]:
         """Advance n independent states by one sample, in one simulation of all of them.
 
         Args:
             model: of `model`, perhaps edited since. qpos, qvel, act: (n, nq), (n, nv), (n, na). ctrl: held over the
                 sample, (n, nu), or of each of its steps, (n, steps, nu). force: generalised, N or N m: held, (n, nv).
-            kick: one more, whose whole impulse over the sample acts in its first step, (n, nv).
+            near: accelerations, (n, nv), with which states that are nearly these began, or None. The constraint solver
+                begins there: the nearer, the sooner it ends.
 
         Returns:
-            qpos, qvel and act at the end of the sample, and the channels at its start, (n, ny).
+            qpos, qvel and act at the end of the sample, the channels at its start, (n, ny), and the acceleration with
+            which it begins, (n, nv).
         """
         n, nu, steps = len(qpos), model.nu, round(self.recording.period / model.opt.timestep)
         control = np.empty((n, steps, nu + model.nv))
@@ -160,11 +161,9 @@ class Simulator:
         control[:, :, nu:] = force[:, None]
         state, sensed = np.empty((n, steps, self._size)), np.empty((n, steps, model.nsensordata))
         with _without_idle_solver(model), held_by_servos([model], self.recording.period):
-            self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed, self._accelerations.get(n))
-        if has_constraints(model):
-            found = (self._unpack(state[:, 0])[1] - qvel) / model.opt.timestep
-            self._accelerations[n] = np.where(np.isfinite(found).all(1, keepdims=True), found, 0.0)
-        return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns]
+            self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed, near)
+        begun = np.nan_to_num((self._unpack(state[:, 0])[1] - qvel) / model.opt.timestep, posinf=0.0, neginf=0.0)
+        return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns], begun
 
     def _drive(self, hypothesis: Hypothesis, windows: Windows) -> Drive:
         signal = self.commands.signal(windows, windows.length * self.substeps)
@@ -221,15 +220,9 @@ class Simulator:
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].swapaxes(0, 1)
 
-    def _run(self, models: list, start, control, state, sensed, accelerations: np.ndarray | None = None) -> None:
-        """Fill `state` and `sensed`, (n, steps, size) each, without MuJoCo's own checks and copies.
-
-        Args:
-            accelerations: (n, nv), from which the constraint solver begins: of the same samples, differently held. The
-                nearer, the sooner it ends; where it ends does not depend on it.
-        """
-        sizes = {"nstep": control.shape[1], "control_spec": CONTROL, "skip_checks": True}
-        sizes |= {} if accelerations is None else {"initial_warmstart": accelerations}
+    def _run(self, models: list, start, control, state, sensed, near: np.ndarray | None = None) -> None:
+        """Fill `state` and `sensed`, (n, steps, size) each, without MuJoCo's own checks and copies."""
+        sizes = {"nstep": control.shape[1], "control_spec": CONTROL, "skip_checks": True, "initial_warmstart": near}
         self._engine.rollout(models, self._data, start, control, state=state, sensordata=sensed, **sizes)
 
     def _slow(self, solref: np.ndarray) -> None:

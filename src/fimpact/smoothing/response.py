@@ -83,7 +83,7 @@ class Response:
             else:
                 size = 1e-4 * max(float(track.model.dof_M0[j - n]), 1e-9) / track.period
                 push = self.tau + size * np.eye(nv)[j - n]
-            found = plant.step(space.plus(self.states, step), push)
+            found = plant.step(space.plus(self.states, step), push, near.begun)
             advance[:, :, j] = space.minus(found.after, near.after) / size
             reads[:, :, j] = (found.readings - near.readings) / size
         return Slopes(advance, reads, self.plant.model)
@@ -107,7 +107,7 @@ class Response:
         if told is not None:
             before, plant = (replace(own, ctrl=told) for own in (before, plant))
             near = self._under(told)
-        found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model))
+        found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model), near.begun)
         nothing = self.nothing()
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 

@@ -28,10 +28,11 @@ ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
 
 @dataclass(frozen=True)
 class Step:
-    """What one sample leads to: the states after it, and the readings (N, ny) at its start."""
+    """What one sample leads to: states after it, readings (N, ny) and accelerations (N, nv) at its start."""
 
     after: States
     readings: np.ndarray
+    begun: np.ndarray
 
 
 class Track:
@@ -125,25 +126,26 @@ class Track:
             self._given = key, self.flat(given.reshape(len(given), -1, substeps, given.shape[2]))
         return self._given[1]
 
-    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
+    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: np.ndarray, force, near=None) -> Step:
         """One sample ahead of each state under `ctrl` (N, 1 or substeps, nu) and `force` (N, nv).
 
         Args:
-            models: the plant at the time step, and where the step's error is to be taken out, at a finer one.
+            models: the plant at the time step, and where the step's error is to be taken out, at a finer one. near: as
+                in `Simulator.advance`.
         """
         if len(models) == 1 or can_touch(self.model):
-            return self._ahead(models[-1], states, ctrl, force)
+            return self._ahead(models[-1], states, ctrl, force, near)
         ends = [self._ahead(model, states, ctrl, force) for model in models]
         # Richardson: what half the step changes is added once more
         after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
-        return Step(after, ends[0].readings)
+        return Step(after, ends[0].readings, ends[0].begun)
 
     @property
     def quanta(self) -> float:
         """What was simulated so far, in simulations of all samples at the model's own time step."""
         return self.steps / (self.count * self.simulator.substeps)
 
-    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
+    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: np.ndarray, force, near=None) -> Step:
         substeps = round(self.period / model.opt.timestep)
         self.steps += substeps * len(states)
         if ctrl.shape[1] > substeps:  # as coarse as the mean of them
@@ -151,8 +153,10 @@ class Track:
         elif ctrl.shape[1] > 1:
             ctrl = np.repeat(ctrl, substeps // ctrl.shape[1], 1)
         ctrl = ctrl[:, 0] if ctrl.shape[1] == 1 else ctrl
-        qpos, qvel, act, readings = self.simulator.advance(model, states.qpos, states.qvel, states.act, ctrl, force)
-        return Step(States(qpos, qvel, act), readings)
+        *after, readings, begun = self.simulator.advance(
+            model, states.qpos, states.qvel, states.act, ctrl, force, near
+        )  # fmt: skip
+        return Step(States(*after), readings, begun)
 
     def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, ...]:
         """`model`, and the same at the finer time step that takes the step's error out: half of it, from which it is
@@ -259,13 +263,13 @@ class Plant:
             stop_within_a_step(model)
         return replace(self, models=(model,))
 
-    def step(self, states: States, tau: np.ndarray) -> Step:
-        """One sample ahead of each state with the missing force `tau` (N, nv)."""
-        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau)
+    def step(self, states: States, tau: np.ndarray, near: np.ndarray | None = None) -> Step:
+        """One sample ahead of each state with the missing force `tau` (N, nv); near: as in `Simulator.advance`."""
+        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau, near)
         readings = found.readings
         for law in self.placed:
             readings = reading_of(self.track, law, self.around, readings, self.surprise)
-        return Step(found.after, readings)
+        return Step(found.after, readings, found.begun)
 
 
 def refined(
