@@ -22,7 +22,7 @@ class Linear:
     + p): defects and what is left of the readings, and what the numbers do to both. first, spread: (runs, n) from
     each run's first state to its prior, and the prior's sd. base: the sample ahead of each state. rubbed: (N, n, n)
     what dry friction does to whatever moves the next state. changes: of each number by its name and place, with its
-    value, what a unit of its coordinate does; travelling: at the model's own time step.
+    value, what a unit of its coordinate does.
     """
 
     plant: Plant
@@ -37,7 +37,6 @@ class Linear:
     first: np.ndarray
     spread: np.ndarray
     rubbed: np.ndarray
-    travelling: bool = False
 
 
 def linearise(
@@ -52,7 +51,6 @@ def linearise(
     sign: np.ndarray | None = None,
     rough: bool = False,
     surprise: np.ndarray | float = 0.0,
-    travelling: bool = False,
 ) -> Linear:
     """Linearise every sample.
 
@@ -60,8 +58,7 @@ def linearise(
         numbers: what is estimated. theta: values of the unknowns where they are not among the numbers.
         like: the same along a trajectory so near that its derivatives hold, unless the model itself has changed.
         sign: of the speeds for dry friction, where it is known already. rough: the error of the time step counts
-            little. surprise: as in `laws.reading_of`. travelling: the numbers are far from where they will end, and
-            what they do is simulated at the model's own time step.
+            little. surprise: as in `laws.reading_of`.
     """
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
@@ -69,22 +66,17 @@ def linearise(
     kept = like is not None and like.slopes.hold(plant.model)
     response = Response(plant, states, tau, like.response.inverse if kept else None)
     slopes = like.slopes if kept else response.slopes()
-    travelling = travelling and response.long and bool(numbers)
-    changes, known = {}, like.changes if kept and response.long and (travelling or not like.travelling) else {}
-    near = Response(plant.coarse, states, tau, response.inverse) if travelling else response
+    changes = {}
     for index, number in enumerate(numbers):
-        key = number.of, number.name
-        changes[key] = known.get(key) or _moved(near, numbers, placed, index, doubt, sign)
+        known = like.changes.get((number.of, number.name)) if kept and response.long else None
+        changes[number.of, number.name] = known or _moved(response, numbers, placed, index, doubt, sign)
     base = response.near if rough else plant.step(states, tau)
     columns = [(c.after + _ahead(slopes, c), -c.readings - _read(slopes, c)) for c in changes.values()]
     offsets = np.stack([track.space.minus(base.after, track.next(states)), *(own for own, _ in columns)], 2)
     left = np.stack([np.nan_to_num(track.measured - base.readings), *(own for _, own in columns)], 2)
     first, spread = _starts(track, states)
     rubbed, advance, reads = _rubbed(plant, slopes)
-    offsets = rubbed @ offsets
-    return Linear(
-        plant, base, response, slopes, changes, advance, reads, offsets, left, first, spread, rubbed, travelling
-    )  # fmt: skip
+    return Linear(plant, base, response, slopes, changes, advance, reads, rubbed @ offsets, left, first, spread, rubbed)
 
 
 def _ahead(slopes: Slopes, change: Change) -> np.ndarray:
@@ -102,8 +94,7 @@ def _moved(response: Response, numbers, placed, index: int, doubt, sign) -> Chan
     changed = [replace(n, value=value) if i == index else n for i, n in enumerate(numbers)]
     own = response.states, response.tau, doubt, sign, response.plant.surprise
     plant = response.track.plant(placed_of(changed, placed), theta_of(changed), *own)
-    alike = response.plant.model.opt.timestep == plant.model.opt.timestep
-    return response(plant if alike else plant.coarse).scaled(1 / number.nudge)
+    return response(plant).scaled(1 / number.nudge)
 
 
 def _rubbed(plant: Plant, slopes: Slopes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

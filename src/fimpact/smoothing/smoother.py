@@ -101,11 +101,10 @@ def smooth(
         surprise = like.surprise
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
-    pace, converged, k, change, far = Pace(), False, 0, np.inf, np.inf
+    pace, converged, k, change = Pace(), False, 0, np.inf
     for k in range(rounds + len(anneal)):
         rough = k < len(anneal)
-        more = sign, rough, surprise, far > 1.0
-        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, *more)
+        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise)
         if levels is None:
             tau = _inverse(track, linear)
             levels = first_levels(track, states, tau, noise)
@@ -139,8 +138,7 @@ def smooth(
             f"smoothing: step {k + 1} of at most {rounds + len(anneal)}, readings move by {change:.2g} of their noise, "
             f"numbers by {far:.2g} of their sd"
         )
-        still = max(change, moved_by(levels, begun_levels) / FAR, far / FAR) < STILL
-        converged = still and k >= len(anneal) and not linear.travelling
+        converged = k >= len(anneal) and max(change, moved_by(levels, begun_levels) / FAR, far / FAR) < STILL
         if converged and track.long:
             # So small a step of the trajectory is not taken: where a joint sticks, it may lead to another branch.
             numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]
