@@ -72,25 +72,24 @@ def at_typical_sizes(regression: Regression, trial: Trial) -> Trial:
 
 
 def in_midst(placed: Sequence[Placed], priors: Sequence[dict[str, float]]) -> tuple[Placed, ...]:
-    """Effects of which those far from their like at other joints are put in their midst: far as they are, and far
+    """Effects of which those far below their like at other joints are put in their midst: far below as they are, and
     beside what their joints carry, since a wrist has a smaller gear.
 
     Args:
         priors: sd of the amplitudes of each, as such parts have them.
     """
-    values: dict[str, list[tuple[float, float]]] = {}
+    sizes: dict[str, list[np.ndarray]] = {}
     for law, prior in zip(placed, priors, strict=True):
-        values.setdefault(law.effect.name, []).append(_sizes(law, prior))
+        sizes.setdefault(law.effect.name, []).append(_sizes(law, prior))
     moved = []
     for law, prior in zip(placed, priors, strict=True):
-        midst = np.median(values[law.effect.name], axis=0)
-        far = np.abs(np.log(np.maximum(_sizes(law, prior), 1e-300) / np.maximum(midst, 1e-300))) > np.log(TRUST)
-        name = law.effect.coefficients[0].name
-        moved.append(replace(law, values=law.values | {name: float(midst[0])}) if far.all() else law)
+        midst, name = np.median(sizes[law.effect.name], axis=0), law.effect.coefficients[0].name
+        below = (_sizes(law, prior) < midst / TRUST).all()
+        moved.append(replace(law, values=law.values | {name: float(midst[0])}) if below else law)
     return tuple(moved)
 
 
-def _sizes(law: Placed, prior: dict[str, float]) -> tuple[float, float]:
-    """The first amplitude of an effect, as it is and beside its prior."""
+def _sizes(law: Placed, prior: dict[str, float]) -> np.ndarray:
+    """The first amplitude of an effect as it is, and beside its prior, (2,)."""
     name = law.effect.coefficients[0].name
-    return law.values[name], law.values[name] / prior.get(name, 1.0)
+    return np.array([law.values[name], law.values[name] / prior.get(name, 1.0)])

@@ -182,7 +182,7 @@ class Search:
         return [option for option in found if option.name not in self.failed]
 
     def alike(self, fit: Smoothed) -> Smoothed:
-        """`fit`, or the likelier one that begins with what lies far from its like at other joints in their midst: the
+        """`fit`, or the likelier one that begins with what lies far below its like at other joints in their midst: the
         same motors and gears sit at every joint, and a light one has optima of its own far below."""
         placed = in_midst(fit.placed, fit.priors)
         if placed == fit.placed:
