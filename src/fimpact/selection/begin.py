@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.deciding import TRUST, TYPICAL
+from fimpact.deciding import NOTHING, TRUST, TYPICAL
 from fimpact.effects.base import Effect, Placed
 from fimpact.selection.exchange import Exchange
 from fimpact.selection.regression import Regression
@@ -72,8 +72,8 @@ def at_typical_sizes(regression: Regression, trial: Trial) -> Trial:
 
 
 def in_midst(placed: Sequence[Placed], priors: Sequence[dict[str, float]]) -> tuple[Placed, ...]:
-    """Effects of which those far below their like at other joints are put in their midst: far below as they are, and
-    beside what their joints carry, since a wrist has a smaller gear.
+    """Effects of which those that lie far below their like at other joints are put in their midst: far below as they
+    are, and beside what their joints carry, since a wrist has a smaller gear; and alone, since it has two or three.
 
     Args:
         priors: sd of the amplitudes of each, as such parts have them.
@@ -83,9 +83,11 @@ def in_midst(placed: Sequence[Placed], priors: Sequence[dict[str, float]]) -> tu
         sizes.setdefault(law.effect.name, []).append(_sizes(law, prior))
     moved = []
     for law, prior in zip(placed, priors, strict=True):
-        midst, name = np.median(sizes[law.effect.name], axis=0), law.effect.coefficients[0].name
-        below = (_sizes(law, prior) < midst / TRUST).all()
-        moved.append(replace(law, values=law.values | {name: float(midst[0])}) if below else law)
+        alike, own = np.array(sizes[law.effect.name]), _sizes(law, prior)
+        midst, name = np.median(alike, axis=0), law.effect.coefficients[0].name
+        near = (alike[:, 0] < own[0] * TRUST) & (alike[:, 0] > own[0] / TRUST) & (alike[:, 1] > NOTHING)
+        far = (own < midst / TRUST).all() and near.sum() < 2
+        moved.append(replace(law, values=law.values | {name: float(midst[0])}) if far else law)
     return tuple(moved)
 
 
