@@ -9,7 +9,8 @@ from recorded import arm, rod
 
 from fimpact.effects import EFFECTS
 from fimpact.selection.regression import Regression
-from fimpact.smoothing.columns import SMALL, at, changes, columns, motion_scales
+from fimpact.smoothing.candidates import at
+from fimpact.smoothing.columns import SMALL, changes, columns, motion_scales
 from fimpact.smoothing.filtering import swept
 from fimpact.smoothing.linear import linearise
 from fimpact.smoothing.prepare import prepare

@@ -14,7 +14,8 @@ from fimpact.selection.forward import Search, explain
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression
 from fimpact.selection.search import Trial, attempt, search
-from fimpact.smoothing.columns import Candidate, Columns
+from fimpact.smoothing.candidates import Candidate
+from fimpact.smoothing.columns import Columns
 from fimpact.smoothing.prepare import prepare
 
 COUNT, LENGTH = 1000, 25  # samples, and samples in a stretch

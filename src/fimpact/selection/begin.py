@@ -10,7 +10,7 @@ from fimpact.effects.base import Effect, Placed
 from fimpact.selection.exchange import Exchange
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Trial
-from fimpact.smoothing.columns import Candidate
+from fimpact.smoothing.candidates import Candidate
 
 
 def begun(regression: Regression, trial: Trial | Exchange) -> tuple[tuple[Placed, ...], tuple[dict[str, float], ...]]:

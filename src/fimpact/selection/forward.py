@@ -17,7 +17,9 @@ from fimpact.selection.limits import Limits
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
-from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales, units
+from fimpact.smoothing.candidates import Candidate, candidates
+from fimpact.smoothing.columns import columns, motion_scales, units
+from fimpact.smoothing.lateness import LATE, Way
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
 from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
@@ -38,7 +40,8 @@ class Alternative:
 @dataclass(frozen=True)
 class Explanation:
     """What was found: the naive fit, the final one, how many of its effects are of the first tier, rounds,
-    alternatives, the chance of the strongest hint where nothing was, and what is left without a name."""
+    alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
+    columns of all that was asked, but for refinements, beside the final fit."""
 
     naive: Smoothed
     final: Smoothed
@@ -50,6 +53,7 @@ class Explanation:
     missing: np.ndarray
     left: Leftover
     unasked: tuple[str, ...] = ()
+    asked: Callable[[], Regression] | None = None
 
 
 class Search:
@@ -75,6 +79,7 @@ class Search:
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self._first: tuple[Regression, Round] | None = None
+        self.asked: Regression | None = None
         self._simulated = Simulated()
         self.hint = 1.0  # chance of the strongest hint of the first round
 
@@ -113,25 +118,29 @@ class Search:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
         return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
 
-    def align(self, late: Sequence[Placed]) -> None:
+    def align(self, late: Sequence[Way]) -> None:
         """Refit with each of the ways in which motors may be late, and keep the likeliest; what is missing is what is
         missing once the clocks agree."""
         fits, known = [], {c.name: c for c in self.candidates}
-        for own in (own for own in late if own.name in known):
-            candidate = known[own.name]
-            placed = replace(own, sizes=candidate.sizes, ranges=candidate.ranges)
-            self.progress(f"selecting: {own.name}, which takes away nearly all that the next sample misses")
-            fit = smooth(self.track, self.begun, self.noise, (placed,), (candidate.priors,), progress=self.progress)
-            fits += [fit] if fit.converged and fit.loss() < self.naive.loss() else []
+        for way in (way for way in late if all(own.name in known for own in way)):
+            asked = [known[own.name] for own in way]
+            placed = [replace(own, sizes=c.sizes, ranges=c.ranges) for own, c in zip(way, asked, strict=True)]
+            self.progress(f"selecting: {way[0].name}, which takes away nearly all that the next samples miss")
+            fit = smooth(self.track, self.begun, self.noise, placed, [c.priors for c in asked], progress=self.progress)
+            if len(way) == 1 and fit.converged:
+                self.missing = np.minimum(self.missing, (fit.tau**2).sum(0))
+            fits.append(fit)
+        fits = [self.pruned(fit, self.missing, False) for fit in fits if fit.converged]
+        fits = [fit for fit in fits if fit.converged and fit.loss() < self.naive.loss()]
         if not fits:
             return
         best = min(fits, key=lambda fit: fit.loss())
-        self.current, self.missing, self.hint = best, (best.tau**2).sum(0), 0.0
+        self.current, self.hint = best, 0.0
         weights = [
             (fit, float(np.exp((best.loss() - fit.loss()) / best.dispersion))) for fit in fits if fit is not best
         ]
         self.alternatives = [Alternative(fit.placed, fit.theta, w) for fit, w in weights if w > UNLIKELY]
-        self.dropped |= {own.name for own in late}
+        self.dropped = {own.name for way in late for own in way if own.effect.name in LATE}
 
     def drive(self) -> None:
         """Refit with a geared drive at every driven joint, and keep what bears something.
@@ -146,11 +155,11 @@ class Search:
         if self.far:  # nothing else has a say: its columns are no tangents
             tried = [c for c in tried if c.effect.name in DRIVE]
         regression, found = self.searched(tried, self.missing, SHARE)
-        self._first = None if self.far else (regression, found)
+        self._first, self.asked = None if self.far else (regression, found), regression
         trial = next((t for t in found.tried if t.option.compound), None)
         if trial is None:
             return
-        if not self.far and found.chosen and found.tried[0].gain > 2 * trial.gain:
+        if not self.far and found.tried[0].gain > 2 * trial.gain:
             self.failed.add(trial.option.name)  # its kinds and places are asked one by one
             return
         self.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
@@ -176,6 +185,15 @@ class Search:
                 self.track.steps = steps  # one pass a round, however many places there are
                 return regression, found
 
+    def beside(self) -> Regression:
+        """Columns of all that may be asked, but for refinements, beside what is in."""
+        if self.asked is not None and self.asked.smoothed is self.current:
+            return self.asked
+        steps = self.track.steps
+        found = Regression(self.current, columns(self.current, self.open(False), self._simulated))
+        self.track.steps = steps
+        return found
+
     def offered(self, tried: list[Candidate]) -> list[Option]:
         """Options of what is tried, without those that failed or are not to be asked."""
         found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
@@ -200,7 +218,7 @@ class Search:
             regression, found = self._first
         else:
             regression, found = self.searched(tried, missing, REFINES if small else SHARE)
-        self._first = None
+        self._first, self.asked = None, self.asked if small else regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
@@ -350,7 +368,7 @@ class Search:
 
 def explain(
     track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
-    limits: Limits | None = None, late: Sequence[Placed] = (),
+    limits: Limits | None = None, late: Sequence[Way] = (),
 ) -> Explanation:  # fmt: skip
     """Find what is missing: classes of physics first, then single odd effects, then small refinements of both, as far
     as `limits` go.
@@ -373,5 +391,5 @@ def explain(
     final = state.current = state.simplified()
     return Explanation(
         state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
-        state.missing, leftover(final, state.missing), limits.unasked(state.stopped),
+        state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
     )  # fmt: skip

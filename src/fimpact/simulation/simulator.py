@@ -143,7 +143,7 @@ class Simulator:
 
     @DIVERGED
     def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force, near=None) -> tuple[np.ndarray, ...]:
-        """Advance n independent states by one sample, in one simulation of all of them.
+        """Advance n independent states by one sample, or by as many steps as commands are given for, in one simulation.
 
         Args:
             model: of `model`, perhaps edited since. qpos, qvel, act: (n, nq), (n, nv), (n, na). ctrl: held over the
@@ -155,9 +155,10 @@ class Simulator:
             qpos, qvel and act at the end of the sample, the channels at its start, (n, ny), and the acceleration with
             which it begins, (n, nv).
         """
-        n, nu, steps = len(qpos), model.nu, round(self.recording.period / model.opt.timestep)
+        n, nu, each = len(qpos), model.nu, np.ndim(ctrl) == 3
+        steps = ctrl.shape[1] if each else round(self.recording.period / model.opt.timestep)
         control = np.empty((n, steps, nu + model.nv))
-        control[:, :, :nu] = ctrl if np.ndim(ctrl) == 3 else np.asarray(ctrl)[:, None]
+        control[:, :, :nu] = ctrl if each else np.asarray(ctrl)[:, None]
         control[:, :, nu:] = force[:, None]
         state, sensed = np.empty((n, steps, self._size)), np.empty((n, steps, model.nsensordata))
         with _without_idle_solver(model), held_by_servos([model], self.recording.period):
