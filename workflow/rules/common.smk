@@ -46,7 +46,7 @@ CASE = (
     "sources start texts ties timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
-FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()
+FORWARD = "added_forces horizon inputs model_pool nonsmooth servo_steps simulator starts windows".split()
 SMOOTHER = (
     "commands filtering inverse kalman lateness laws levels linear parameters prepare response rubbing smoother states "
     "step stretches track"

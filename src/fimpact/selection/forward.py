@@ -152,8 +152,10 @@ class Search:
         tried = self.open(False)
         if not (self.coupled and any(c.effect.name in DRIVE for c in tried)):
             return
+        if self.far:  # nothing else has a say: its columns are no tangents
+            tried = [c for c in tried if c.effect.name in DRIVE]
         regression, found = self.searched(tried, self.missing, SHARE)
-        self._first, self.asked = (regression, found), regression
+        self._first, self.asked = None if self.far else (regression, found), regression
         trial = next((t for t in found.tried if t.option.compound), None)
         if trial is None:
             return
@@ -198,9 +200,9 @@ class Search:
         return [option for option in found if option.name not in self.failed]
 
     def alike(self, fit: Smoothed) -> Smoothed:
-        """`fit`, or the likelier one that begins with what lies far from its like at other joints in their midst: the
+        """`fit`, or the likelier one that begins with what lies far below its like at other joints in their midst: the
         same motors and gears sit at every joint, and a light one has optima of its own far below."""
-        placed = in_midst(fit.placed)
+        placed = in_midst(fit.placed, fit.priors)
         if placed == fit.placed:
             return fit
         other = smooth(self.track, self.begun, self.noise, placed, fit.priors, fit, progress=self.progress)

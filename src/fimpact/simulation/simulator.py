@@ -24,7 +24,8 @@ from fimpact.recordings import FIELDS, Recording
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
 from fimpact.simulation.inputs import InputSignal
 from fimpact.simulation.model_pool import ModelPool
-from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
+from fimpact.simulation.nonsmooth import has_constraints, has_contacts, make_friction_exact
+from fimpact.simulation.servo_steps import held_by_servos
 from fimpact.simulation.windows import Windows
 from fimpact.visuals import without_visuals
 
@@ -141,16 +142,18 @@ class Simulator:
         return measured[:, ::pieces]
 
     @DIVERGED
-    def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force) -> tuple[np.ndarray, ...]:
+    def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force, near=None) -> tuple[np.ndarray, ...]:
         """Advance n independent states by one sample, or by as many steps as commands are given for, in one simulation.
 
         Args:
             model: of `model`, perhaps edited since. qpos, qvel, act: (n, nq), (n, nv), (n, na). ctrl: held over the
                 sample, (n, nu), or of each of its steps, (n, steps, nu). force: generalised, N or N m: held, (n, nv).
-            kick: one more, whose whole impulse over the sample acts in its first step, (n, nv).
+            near: accelerations, (n, nv), with which states that are nearly these began, or None. The constraint solver
+                begins there: the nearer, the sooner it ends.
 
         Returns:
-            qpos, qvel and act at the end of the sample, and the channels at its start, (n, ny).
+            qpos, qvel and act at the end of the sample, the channels at its start, (n, ny), and the acceleration with
+            which it begins, (n, nv).
         """
         n, nu, each = len(qpos), model.nu, np.ndim(ctrl) == 3
         steps = ctrl.shape[1] if each else round(self.recording.period / model.opt.timestep)
@@ -158,9 +161,10 @@ class Simulator:
         control[:, :, :nu] = ctrl if each else np.asarray(ctrl)[:, None]
         control[:, :, nu:] = force[:, None]
         state, sensed = np.empty((n, steps, self._size)), np.empty((n, steps, model.nsensordata))
-        with _without_idle_solver(model):
-            self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed)
-        return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns]
+        with _without_idle_solver(model), held_by_servos([model], self.recording.period):
+            self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed, near)
+        begun = np.nan_to_num((self._unpack(state[:, 0])[1] - qvel) / model.opt.timestep, posinf=0.0, neginf=0.0)
+        return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns], begun
 
     def _drive(self, hypothesis: Hypothesis, windows: Windows) -> Drive:
         signal = self.commands.signal(windows, windows.length * self.substeps)
@@ -171,10 +175,12 @@ class Simulator:
         laws, drive = hypothesis.of_kind(*LAWS), self._drive(hypothesis, windows)
         model = self._cached_model(hypothesis)
         if not laws:
-            with _without_idle_solver(model):
+            with _without_idle_solver(model), held_by_servos([model], self.recording.period):
                 return self._at_once(model, drive, start)
         copies = self._pool.for_windows(model, len(start)) if hypothesis.of_kind(*WRITES) else []
-        return self._step_by_step(model, AddedForces(model, copies, laws), copies, drive, start)
+        added = AddedForces(model, copies, laws)
+        with held_by_servos(copies or [model], self.recording.period):
+            return self._step_by_step(model, added, copies, drive, start)
 
     def _cached_model(self, hypothesis: Hypothesis) -> mujoco.MjModel:
         """The model as made for the last prediction where it is the same: many hypotheses differ in laws only."""
@@ -215,9 +221,9 @@ class Simulator:
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].swapaxes(0, 1)
 
-    def _run(self, models: list, start, control, state, sensed) -> None:
+    def _run(self, models: list, start, control, state, sensed, near: np.ndarray | None = None) -> None:
         """Fill `state` and `sensed`, (n, steps, size) each, without MuJoCo's own checks and copies."""
-        sizes = {"nstep": control.shape[1], "control_spec": CONTROL, "skip_checks": True}
+        sizes = {"nstep": control.shape[1], "control_spec": CONTROL, "skip_checks": True, "initial_warmstart": near}
         self._engine.rollout(models, self._data, start, control, state=state, sensordata=sensed, **sizes)
 
     def _slow(self, solref: np.ndarray) -> None:
@@ -256,6 +262,9 @@ def _configure(model: mujoco.MjModel) -> None:
     model.opt.tolerance = min(model.opt.tolerance, CONVERGED)
     model.opt.iterations = max(model.opt.iterations, ITERATIONS)
     model.opt.ls_iterations = max(model.opt.ls_iterations, ITERATIONS)
+    # Of limbs that move without one another half of all entries are nothing: left out, contact takes half the time.
+    if has_contacts(model) and model.nM < model.nv * (model.nv + 1) // 2:
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
 
 
 @contextmanager

@@ -279,12 +279,19 @@ def _servos(servos: Sequence[Ahead], rows: np.ndarray) -> Iterator[Ahead]:
         yield Ahead(force[:, k], slopes[:, :, k], *limits, held[k], *ends)
 
 
-def touching(track: "Track", states: States) -> np.ndarray:
-    """Whether anything touches, (N,), at the start of each sample or at its end."""
+def contact_sets(track: "Track", states: States) -> np.ndarray:
+    """What touches at each sample, (N,): a number for each set of pairs of geoms that touch together, 0 where none."""
     data, model = mujoco.MjData(track.model), track.model
-    now = np.zeros(track.count, bool)
+    sets: dict[frozenset, int] = {frozenset(): 0}
+    now = np.zeros(track.count, int)
     for k, qpos in enumerate(states.qpos):
         data.qpos[:] = qpos
         mujoco.mj_fwdPosition(model, data)
-        now[k] = data.ncon > 0
+        pairs = frozenset(map(tuple, data.contact.geom.tolist())) if data.ncon else frozenset()
+        now[k] = sets.setdefault(pairs, len(sets))
     return now
+
+
+def touching(track: "Track", states: States) -> np.ndarray:
+    """Whether anything touches at each sample, (N,)."""
+    return contact_sets(track, states) > 0

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.sites import ON_JOINT
-from fimpact.simulation.nonsmooth import is_long
+from fimpact.simulation.servo_steps import is_long
 from fimpact.smoothing.commands import Commands
 from fimpact.smoothing.inverse import EDITED, RESTING, Inverse, edits
 from fimpact.smoothing.laws import reading_of
@@ -87,14 +87,16 @@ class Response:
             own, unit = (NUDGE, np.eye(n)[j]) if j < n else (tiny[j - n], np.eye(nv)[j - n])
             if j < n:
                 found, other = (
-                    plant.step(space.plus(self.states, np.tile(own * unit, (track.count, 1))), self.tau),
+                    plant.step(space.plus(self.states, np.tile(own * unit, (track.count, 1))), self.tau, near.begun),
                     near,
                 )
             elif spread is None:
-                found, other = plant.step(self.states, self.tau + own * unit), near
+                found, other = plant.step(self.states, self.tau + own * unit, near.begun), near
             else:
                 own = max(own, spread[j - n])
-                found, other = (plant.step(self.states, self.tau + side * own / 2 * unit) for side in (1, -1))
+                found, other = (
+                    plant.step(self.states, self.tau + side * own / 2 * unit, near.begun) for side in (1, -1)
+                )
             advance[:, :, j] = space.minus(found.after, other.after) / own
             reads[:, :, j] = (found.readings - other.readings) / own
         return Slopes(advance, reads, self.plant.model)
@@ -118,7 +120,7 @@ class Response:
         if told is not None:
             before, plant = (replace(own, ctrl=told) for own in (before, plant))
             near = self._under(told)
-        found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model))
+        found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model), near.begun)
         nothing = self.nothing()
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 

@@ -13,7 +13,8 @@ from fimpact.effects.base import Placed
 from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.inputs import FINER as PIECES
-from fimpact.simulation.nonsmooth import is_long, stop_within_a_step
+from fimpact.simulation.nonsmooth import stop_within_a_step
+from fimpact.simulation.servo_steps import is_long
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.starts import believed_noise
 from fimpact.simulation.windows import Windows, cut
@@ -30,10 +31,11 @@ ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
 
 @dataclass(frozen=True)
 class Step:
-    """What one sample leads to: the states after it, and the readings (N, ny) at its start."""
+    """What one sample leads to: states after it, readings (N, ny) and accelerations (N, nv) at its start."""
 
     after: States
     readings: np.ndarray
+    begun: np.ndarray
 
 
 class Track:
@@ -137,32 +139,34 @@ class Track:
             self._given = key, Commands(self.flat(values), jumps)
         return self._given[1]
 
-    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force: np.ndarray) -> Step:
+    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force, near=None) -> Step:
         """One sample ahead of each state under `ctrl` and `force` (N, nv).
 
         Args:
-            models: the plant at the time step, and where the step's error is to be taken out, at a finer one.
+            models: the plant at the time step, and where the step's error is to be taken out, at a finer one. near: as
+                in `Simulator.advance`.
         """
         least = round(self.period / models[0].opt.timestep)
         if len(models) == 1 or can_touch(self.model):
-            return self._ahead(models[-1], states, ctrl, force, least)
-        ends = [self._ahead(model, states, ctrl, force, least) for model in models]
+            return self._ahead(models[-1], states, ctrl, force, least, near)
+        ends = [self._ahead(model, states, ctrl, force, least, near) for model in models]
         # Richardson: what half the step changes is added once more
         after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
-        return Step(after, ends[0].readings)
+        return Step(after, ends[0].readings, ends[0].begun)
 
     @property
     def quanta(self) -> float:
         """What was simulated so far, in simulations of all samples at the model's own time step."""
         return self.steps / (self.count * self.simulator.substeps)
 
-    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force: np.ndarray, least: int) -> Step:
+    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force, least: int, near=None) -> Step:
         first = None
         for leg, given in ctrl.legs(model, self.period, least):
-            qpos, qvel, act, readings = self.simulator.advance(leg, states.qpos, states.qvel, states.act, given, force)
+            now = states.qpos, states.qvel, states.act
+            *after, readings, begun = self.simulator.advance(leg, *now, given, force, near if first is None else None)
             self.steps += (given.shape[1] if given.ndim == 3 else round(self.period / leg.opt.timestep)) * len(states)
-            states, first = States(qpos, qvel, act), readings if first is None else first
-        return Step(states, first)
+            states, first = States(*after), (readings, begun) if first is None else first
+        return Step(states, *first)
 
     def read(self, model: mujoco.MjModel, states: States, ctrl: Commands) -> np.ndarray:
         """Readings, (N, ny), in each state under `ctrl`."""
@@ -276,13 +280,13 @@ class Plant:
             stop_within_a_step(model)
         return replace(self, models=(model,))
 
-    def step(self, states: States, tau: np.ndarray) -> Step:
-        """One sample ahead of each state with the missing force `tau` (N, nv)."""
-        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau)
+    def step(self, states: States, tau: np.ndarray, near: np.ndarray | None = None) -> Step:
+        """One sample ahead of each state with the missing force `tau` (N, nv); near: as in `Simulator.advance`."""
+        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau, near)
         readings = found.readings
         for law in self.placed:
             readings = reading_of(self.track, law, self.around, readings, self.surprise)
-        return Step(found.after, readings)
+        return Step(found.after, readings, found.begun)
 
 
 def refined(
@@ -305,7 +309,7 @@ def refined(
     if refine:
         track = Track(Simulator(recording, refine), runs)
         return _in_contact(track), begin(track)
-    refine, track, states, apart = 1, None, None, False
+    refine, track, states, apart, errors = 1, None, None, False, []
     while True:
         finer = Track(Simulator(recording, refine, apart), runs)
         if finer.simulator.substeps < 2:
@@ -315,11 +319,21 @@ def refined(
             states = begin(finer)
             apart = can_touch(finer.model) and not touching(finer, states).any()
             finer = Track(Simulator(recording, refine, apart), runs) if apart else finer
-        if track is not None and _error(track, finer, states, noise, placed) < DOUBT:
-            return _in_contact(track), states
+        if track is not None:
+            errors.append(_error(track, finer, states, noise, placed))
+            if errors[-1] < DOUBT:
+                return _in_contact(track), states
+        # The error of a contact goes with the step: where the finest is not fine enough, none in between is asked.
+        if can_touch(finer.model) and len(errors) > 1 and _ends_at(errors, FINEST / refine) > DOUBT:
+            return _in_contact(Track(Simulator(recording, FINEST, apart), runs)), states
         track, refine = finer, 2 * refine
         if refine > FINEST:
             return _in_contact(track), states
+
+
+def _ends_at(errors: Sequence[float], finer: float) -> float:
+    """The error of a step so many times `finer`, where each halving does what the last one did."""
+    return errors[-1] * (errors[-1] / errors[-2]) ** np.log2(finer)
 
 
 def _in_contact(track: Track) -> Track:
