@@ -11,6 +11,9 @@ from recorded import record, waves
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.forward import Search
+from fimpact.selection.options import Option
+from fimpact.selection.regression import Regression
+from fimpact.selection.search import search
 from fimpact.simulation.starts import believed_noise, noise_level
 from fimpact.smoothing.candidates import candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
@@ -191,3 +194,14 @@ def test_the_noise_of_an_encoder_that_only_rounds_is_its_quantums(noise, quantum
     low, high = believed_noise(own, level)
     assert (low[0] == high[0]) == known and low[0] >= 0.99 * quantum / np.sqrt(12)
     assert level[0] == pytest.approx(quantum / np.sqrt(12) if known else noise, rel=0.5)
+
+
+def test_the_share_of_what_a_stiff_servo_hides_is_that_of_its_own_force():
+    """Of a force that changes its sign, a smoother whose noise is large sees little; of what it does, all counts."""
+    own, fit = made()
+    tried = candidates([EFFECTS["viscous"]], own.track, motion_scales(fit))
+    regression = Regression(fit, columns(fit, tried))
+    missing = 1e3 * (tried[0].sd[0] * fit.states.qvel).var(0) * own.track.count
+    (trial,) = search(regression, [Option("viscous", 0, (0,))], missing, 0.0).tried
+    size = trial.estimate.values[-1] ** 2 / 1e3
+    assert trial.share == pytest.approx(size, rel=0.5)
