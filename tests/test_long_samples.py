@@ -199,7 +199,8 @@ def test_the_noise_of_an_encoder_that_only_rounds_is_its_quantums(noise, quantum
 def test_the_share_of_what_a_stiff_servo_hides_is_that_of_its_own_force():
     """Of a force that changes its sign, a smoother whose noise is large sees little; of what it does, all counts."""
     own, fit = made()
-    tried = candidates([EFFECTS["viscous"]], own.track, motion_scales(fit))
+    (viscous,) = candidates([EFFECTS["viscous"]], own.track, motion_scales(fit))
+    tried = [replace(viscous, positive=(False,))]
     regression = Regression(fit, columns(fit, tried))
     missing = 1e3 * (tried[0].sd[0] * fit.states.qvel).var(0) * own.track.count
     (trial,) = search(regression, [Option("viscous", 0, (0,))], missing, 0.0).tried
