@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from recorded import ROD, record, rod
 
-from fimpact.deciding import FALL, SWITCH, TRUSTED
+from fimpact.deciding import FALL, TRUSTED
 from fimpact.smoothing.filtering import variances
-from fimpact.smoothing.levels import CHANGE, FLIGHT, STANCE, Levels, Pace, in_modes, moved_by, nearer
+from fimpact.smoothing.levels import Levels, Pace, moved_by, nearer
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.step import solve
@@ -111,24 +111,3 @@ def test_levels_that_weigh_nothing_do_not_count_as_moving():
     levels = Levels(np.array([[1.0, 1e-4]]), np.array([1e-4, 1e-4]), np.zeros(3, int), np.ones(1), np.ones(1))
     assert moved_by(replace(levels, force=np.array([[1.0, 5e-4]])), levels) == 0
     assert moved_by(replace(levels, force=np.array([[2.0, 5e-4]])), levels) == pytest.approx(np.log(2))
-
-
-FEET = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 1"/>
-<body name="left" pos="0 -1 0"><joint name="left" type="slide" axis="0 0 1"/><geom size="0.1"/></body>
-<body name="right" pos="0 1 0"><joint name="right" type="slide" axis="0 0 1"/><geom size="0.1"/></body>
-</worldbody><sensor><jointpos name="l" joint="left"/><jointpos name="r" joint="right"/></sensor></mujoco>"""
-
-
-def test_each_foot_that_comes_or_goes_is_a_change_of_contact():
-    """The left one stands, the right one lands beside it; then both are up."""
-    made = prepare(record(FEET, ("l", "r"), [np.zeros((60, 0))], 1e-4, starts=[([0.1, 0.1], [0, 0])]), refine=1)
-    heights = np.tile([0.09, 0.2], (60, 1))
-    heights[20:, 1] = 0.09
-    heights[40:] = 0.2
-    states, force = replace(made.begun, qpos=heights), np.ones((1, 2))
-    levels = Levels(force, force[0] / 10, np.zeros(60, int), np.ones(2), np.ones(2))
-    mode = in_modes(made.track, states, np.ones((60, 2)), levels).mode
-    told = np.r_[np.full(40, STANCE), np.full(20, FLIGHT)]
-    for at in (20, 40):
-        told[at - SWITCH : at + SWITCH] = CHANGE
-    np.testing.assert_array_equal(mode, told)

@@ -101,7 +101,7 @@ def test_one_sample_ahead_is_a_sample_of_plain_mujoco_with_sensors_at_its_start(
     simulator, rng = Simulator(given), np.random.default_rng(0)
     qpos, qvel, ctrl, force = (rng.standard_normal((7, 1)) for _ in range(4))
     none, model = np.zeros((7, 0)), simulator.model(Hypothesis(simulator.theta))
-    q, v, act, sensed, _ = simulator.advance(model, qpos, qvel, none, ctrl, force)
+    q, v, act, sensed = simulator.advance(model, qpos, qvel, none, ctrl, force)
     np.testing.assert_allclose(sensed, np.concatenate([ctrl, qvel, qpos], 1), atol=1e-12)
     data = mujoco.MjData(model)
     for row in range(7):

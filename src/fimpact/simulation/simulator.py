@@ -142,18 +142,15 @@ class Simulator:
         return measured[:, ::pieces]
 
     @DIVERGED
-    def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force, near=None) -> tuple[np.ndarray, ...]:
+    def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force) -> tuple[np.ndarray, ...]:
         """Advance n independent states by one sample, or by as many steps as commands are given for, in one simulation.
 
         Args:
             model: of `model`, perhaps edited since. qpos, qvel, act: (n, nq), (n, nv), (n, na). ctrl: held over the
                 sample, (n, nu), or of each of its steps, (n, steps, nu). force: generalised, N or N m: held, (n, nv).
-            near: accelerations, (n, nv), with which states that are nearly these began, or None. The constraint solver
-                begins there: the nearer, the sooner it ends.
 
         Returns:
-            qpos, qvel and act at the end of the sample, the channels at its start, (n, ny), and the acceleration with
-            which it begins, (n, nv).
+            qpos, qvel and act at the end of the sample, and the channels at its start, (n, ny).
         """
         n, nu, each = len(qpos), model.nu, np.ndim(ctrl) == 3
         steps = ctrl.shape[1] if each else round(self.recording.period / model.opt.timestep)
@@ -162,9 +159,8 @@ class Simulator:
         control[:, :, nu:] = force[:, None]
         state, sensed = np.empty((n, steps, self._size)), np.empty((n, steps, model.nsensordata))
         with _without_idle_solver(model), held_by_servos([model], self.recording.period):
-            self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed, near)
-        begun = np.nan_to_num((self._unpack(state[:, 0])[1] - qvel) / model.opt.timestep, posinf=0.0, neginf=0.0)
-        return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns], begun
+            self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed)
+        return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns]
 
     def _drive(self, hypothesis: Hypothesis, windows: Windows) -> Drive:
         signal = self.commands.signal(windows, windows.length * self.substeps)
@@ -221,9 +217,9 @@ class Simulator:
             before, state = state, after[:, 0].copy()
         return sensed[:, :, 0].swapaxes(0, 1)
 
-    def _run(self, models: list, start, control, state, sensed, near: np.ndarray | None = None) -> None:
+    def _run(self, models: list, start, control, state, sensed) -> None:
         """Fill `state` and `sensed`, (n, steps, size) each, without MuJoCo's own checks and copies."""
-        sizes = {"nstep": control.shape[1], "control_spec": CONTROL, "skip_checks": True, "initial_warmstart": near}
+        sizes = {"nstep": control.shape[1], "control_spec": CONTROL, "skip_checks": True}
         self._engine.rollout(models, self._data, start, control, state=state, sensordata=sensed, **sizes)
 
     def _slow(self, solref: np.ndarray) -> None:

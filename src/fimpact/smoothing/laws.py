@@ -279,19 +279,12 @@ def _servos(servos: Sequence[Ahead], rows: np.ndarray) -> Iterator[Ahead]:
         yield Ahead(force[:, k], slopes[:, :, k], *limits, held[k], *ends)
 
 
-def contact_sets(track: "Track", states: States) -> np.ndarray:
-    """What touches at each sample, (N,): a number for each set of pairs of geoms that touch together, 0 where none."""
+def touching(track: "Track", states: States) -> np.ndarray:
+    """Whether anything touches, (N,), at the start of each sample or at its end."""
     data, model = mujoco.MjData(track.model), track.model
-    sets: dict[frozenset, int] = {frozenset(): 0}
-    now = np.zeros(track.count, int)
+    now = np.zeros(track.count, bool)
     for k, qpos in enumerate(states.qpos):
         data.qpos[:] = qpos
         mujoco.mj_fwdPosition(model, data)
-        pairs = frozenset(map(tuple, data.contact.geom.tolist())) if data.ncon else frozenset()
-        now[k] = sets.setdefault(pairs, len(sets))
+        now[k] = data.ncon > 0
     return now
-
-
-def touching(track: "Track", states: States) -> np.ndarray:
-    """Whether anything touches at each sample, (N,)."""
-    return contact_sets(track, states) > 0

@@ -10,7 +10,7 @@ import numpy as np
 
 from fimpact.deciding import FALL, SWITCH
 from fimpact.effects.sites import can_touch
-from fimpact.smoothing.laws import contact_sets
+from fimpact.smoothing.laws import touching
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
@@ -87,11 +87,11 @@ def first_levels(track: Track, states: States, tau: np.ndarray, noise: np.ndarra
 
 
 def in_modes(track: Track, states: States, tau: np.ndarray, levels: Levels) -> Levels:
-    """Contact modes anew: flight, stance, and the few samples about a change of what touches: one foot of four, too."""
+    """Contact modes anew: flight, stance, and the few samples about a change of the two."""
     if not can_touch(track.model):
         return levels
-    now = contact_sets(track, states)
-    mode = np.where(now > 0, STANCE, FLIGHT)
+    now = touching(track, states)
+    mode = np.where(now, STANCE, FLIGHT)
     for rows in track.slices():
         for at in rows.start + 1 + np.flatnonzero(now[rows][1:] != now[rows][:-1]):
             mode[max(at - SWITCH, rows.start) : min(at + SWITCH, rows.stop)] = CHANGE

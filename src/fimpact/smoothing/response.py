@@ -87,16 +87,14 @@ class Response:
             own, unit = (NUDGE, np.eye(n)[j]) if j < n else (tiny[j - n], np.eye(nv)[j - n])
             if j < n:
                 found, other = (
-                    plant.step(space.plus(self.states, np.tile(own * unit, (track.count, 1))), self.tau, near.begun),
+                    plant.step(space.plus(self.states, np.tile(own * unit, (track.count, 1))), self.tau),
                     near,
                 )
             elif spread is None:
-                found, other = plant.step(self.states, self.tau + own * unit, near.begun), near
+                found, other = plant.step(self.states, self.tau + own * unit), near
             else:
                 own = max(own, spread[j - n])
-                found, other = (
-                    plant.step(self.states, self.tau + side * own / 2 * unit, near.begun) for side in (1, -1)
-                )
+                found, other = (plant.step(self.states, self.tau + side * own / 2 * unit) for side in (1, -1))
             advance[:, :, j] = space.minus(found.after, other.after) / own
             reads[:, :, j] = (found.readings - other.readings) / own
         return Slopes(advance, reads, self.plant.model)
@@ -120,7 +118,7 @@ class Response:
         if told is not None:
             before, plant = (replace(own, ctrl=told) for own in (before, plant))
             near = self._under(told)
-        found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model), near.begun)
+        found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model))
         nothing = self.nothing()
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 

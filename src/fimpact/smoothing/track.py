@@ -31,11 +31,10 @@ ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
 
 @dataclass(frozen=True)
 class Step:
-    """What one sample leads to: states after it, readings (N, ny) and accelerations (N, nv) at its start."""
+    """What one sample leads to: the states after it, and the readings (N, ny) at its start."""
 
     after: States
     readings: np.ndarray
-    begun: np.ndarray
 
 
 class Track:
@@ -139,34 +138,32 @@ class Track:
             self._given = key, Commands(self.flat(values), jumps)
         return self._given[1]
 
-    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force, near=None) -> Step:
+    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force: np.ndarray) -> Step:
         """One sample ahead of each state under `ctrl` and `force` (N, nv).
 
         Args:
-            models: the plant at the time step, and where the step's error is to be taken out, at a finer one. near: as
-                in `Simulator.advance`.
+            models: the plant at the time step, and where the step's error is to be taken out, at a finer one.
         """
         least = round(self.period / models[0].opt.timestep)
         if len(models) == 1 or can_touch(self.model):
-            return self._ahead(models[-1], states, ctrl, force, least, near)
-        ends = [self._ahead(model, states, ctrl, force, least, near) for model in models]
+            return self._ahead(models[-1], states, ctrl, force, least)
+        ends = [self._ahead(model, states, ctrl, force, least) for model in models]
         # Richardson: what half the step changes is added once more
         after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
-        return Step(after, ends[0].readings, ends[0].begun)
+        return Step(after, ends[0].readings)
 
     @property
     def quanta(self) -> float:
         """What was simulated so far, in simulations of all samples at the model's own time step."""
         return self.steps / (self.count * self.simulator.substeps)
 
-    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force, least: int, near=None) -> Step:
+    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force: np.ndarray, least: int) -> Step:
         first = None
         for leg, given in ctrl.legs(model, self.period, least):
-            now = states.qpos, states.qvel, states.act
-            *after, readings, begun = self.simulator.advance(leg, *now, given, force, near if first is None else None)
+            *after, readings = self.simulator.advance(leg, states.qpos, states.qvel, states.act, given, force)
             self.steps += (given.shape[1] if given.ndim == 3 else round(self.period / leg.opt.timestep)) * len(states)
-            states, first = States(*after), (readings, begun) if first is None else first
-        return Step(states, *first)
+            states, first = States(*after), readings if first is None else first
+        return Step(states, first)
 
     def read(self, model: mujoco.MjModel, states: States, ctrl: Commands) -> np.ndarray:
         """Readings, (N, ny), in each state under `ctrl`."""
@@ -280,13 +277,13 @@ class Plant:
             stop_within_a_step(model)
         return replace(self, models=(model,))
 
-    def step(self, states: States, tau: np.ndarray, near: np.ndarray | None = None) -> Step:
-        """One sample ahead of each state with the missing force `tau` (N, nv); near: as in `Simulator.advance`."""
-        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau, near)
+    def step(self, states: States, tau: np.ndarray) -> Step:
+        """One sample ahead of each state with the missing force `tau` (N, nv)."""
+        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau)
         readings = found.readings
         for law in self.placed:
             readings = reading_of(self.track, law, self.around, readings, self.surprise)
-        return Step(found.after, readings, found.begun)
+        return Step(found.after, readings)
 
 
 def refined(
