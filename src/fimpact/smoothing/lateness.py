@@ -28,8 +28,9 @@ Way = tuple[Placed, ...]  # in which servos are late: how late, and the gains of
 
 
 def lateness(track: Track, begun: States, noise: np.ndarray) -> tuple[Way, ...]:
-    """Dead time and first-order lag of all servos, each where it takes away nearly all of the squared misfit of short
-    windows, best first; empty where none does: what drives lack may look like a lag, but not for all of it.
+    """Dead time and first-order lag of all servos as short windows show them, best first; empty where the best does not
+    take away nearly all of the squared misfit of the next sample: what drives lack may look like a lag, but not for all
+    of it.
 
     Each alone comes before the same beside a common change of the gains, which looks like a little lateness itself.
 
@@ -41,8 +42,9 @@ def lateness(track: Track, begun: States, noise: np.ndarray) -> tuple[Way, ...]:
     track = _at_its_own_step(track)
     misfit = _Misfit(track, begun, noise)
     alone = [(misfit(way), way) for way in (_latest(track, misfit, *asked) for asked in _asked(track))]
-    best, now = min((most for most, _ in alone), default=np.inf), misfit(())
-    if best > now + np.log(REFINES):
+    best, first = min(alone, default=(np.inf, ()), key=lambda own: own[0])
+    soon = _Misfit(track, begun, noise, 1)  # what drives lack adds up over a window like a lag
+    if not first or soon(first) > soon(()) + np.log(REFINES):
         return ()
     believed = sorted((own for own in alone if own[0] < best - np.log(REFINES)), key=lambda own: own[0])
     return tuple(way for _, late in believed for way in (late, _softer(track, misfit, late)))
@@ -98,9 +100,9 @@ class _Misfit:
     """Logarithm of the squared misfit of readings in windows of a few samples, beside their noise; mean over the
     channels."""
 
-    def __init__(self, track: Track, begun: States, noise: np.ndarray):
-        self.track, self.begun, self.noise = track, begun, noise
-        firsts = [np.arange(part.start, part.stop - AHEAD, AHEAD) for part in track.slices()]
+    def __init__(self, track: Track, begun: States, noise: np.ndarray, ahead: int = AHEAD):
+        self.track, self.begun, self.noise, self.ahead = track, begun, noise, ahead
+        firsts = [np.arange(part.start, part.stop - ahead, ahead) for part in track.slices()]
         self.rows = np.concatenate(firsts)
 
     def __call__(self, placed: Sequence[Placed], windows: int = 0) -> float:
@@ -110,7 +112,7 @@ class _Misfit:
         still, doubt = np.zeros_like(begun.qvel), np.ones_like(begun.qvel)
         plant = track.plant(placed, track.simulator.theta, begun, still, doubt)
         models, states, missed = plant.models, begun[rows], []  # half a step late is late, too
-        for ahead in range(AHEAD):
+        for ahead in range(self.ahead):
             now = rows + ahead
             states = track.ahead(models, states, plant.ctrl[now], plant.force[now]).after
             missed.append(track.read(models[0], states, plant.ctrl[now + 1]) - track.measured[now + 1])

@@ -187,12 +187,16 @@ def _inverse(track: Track, linear: Linear) -> np.ndarray:
     return tau
 
 
-def inverse_of_push(track: Track, linear: Linear) -> np.ndarray:
-    """The force that a change of the next sample's positions and speeds would take, (N, nv, 2 nv); none where a joint
-    sticks, which no force of that size moves."""
+def inverse_of_push(track: Track, linear: Linear, sticks: bool = True) -> np.ndarray:
+    """The force that a change of the next sample's positions and speeds would take, (N, nv, 2 nv).
+
+    Args:
+        sticks: under stiff servos none where a joint sticks, which no force of that size moves; False: whatever would.
+    """
     nv = track.model.nv
     scale = np.repeat([1.0, track.period], nv)
     push = linear.advance[:, : 2 * nv, track.space.size :] * scale[:, None]
-    moved = np.linalg.norm(push, axis=1)
-    push[np.broadcast_to((moved < NOTHING * np.median(moved, 0))[:, None], push.shape)] = 0.0
+    if track.long and sticks:
+        moved = np.linalg.norm(push, axis=1)
+        push[np.broadcast_to((moved < NOTHING * np.median(moved, 0))[:, None], push.shape)] = 0.0
     return np.linalg.pinv(push, rcond=1e-9) * scale
