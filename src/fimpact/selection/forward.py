@@ -121,7 +121,7 @@ class Search:
     def align(self, late: Sequence[Way]) -> None:
         """Refit with each of the ways in which motors may be late, and keep the likeliest; what is missing is what is
         missing once the clocks agree."""
-        fits, known = [], {c.name: c for c in self.candidates}
+        fits, known, steps = [], {c.name: c for c in self.candidates}, self.track.steps
         for way in (way for way in late if all(own.name in known for own in way)):
             asked = [known[own.name] for own in way]
             placed = [c.placed_as(own.values) for own, c in zip(way, asked, strict=True)]
@@ -131,6 +131,7 @@ class Search:
                 self.missing = np.minimum(self.missing, (fit.tau**2).sum(0))
             fits.append(fit)
         fits = [self.pruned(fit, self.missing, False) for fit in fits if fit.converged]
+        self.track.steps = steps  # no other question goes unasked because this one came first
         fits = [fit for fit in fits if fit.converged and fit.loss() < self.naive.loss()]
         if not fits:
             return

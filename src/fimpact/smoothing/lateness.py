@@ -32,7 +32,8 @@ def lateness(track: Track, begun: States, noise: np.ndarray) -> tuple[Way, ...]:
     take away nearly all of the squared misfit of the next sample: what drives lack may look like a lag, but not for all
     of it.
 
-    Each alone comes before the same beside a common change of the gains, which looks like a little lateness itself.
+    Each alone comes before the same beside a common change of the gains, which looks like a little lateness itself, if
+    that takes its share of what is left.
 
     Args:
         begun: states that the measurements show, (N,). noise: sd of the readings, (ny,).
@@ -47,7 +48,11 @@ def lateness(track: Track, begun: States, noise: np.ndarray) -> tuple[Way, ...]:
     if not first or soon(first) > soon(()) + np.log(REFINES):
         return ()
     believed = sorted((own for own in alone if own[0] < best - np.log(REFINES)), key=lambda own: own[0])
-    return tuple(way for _, late in believed for way in (late, _softer(track, misfit, late)))
+    ways = []
+    for most, late in believed:
+        softer = _softer(track, misfit, late)
+        ways += [late, softer] if misfit(softer) < most + np.log(1 - REFINES) else [late]
+    return tuple(ways)
 
 
 def _at_its_own_step(track: Track) -> Track:
