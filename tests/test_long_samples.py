@@ -10,6 +10,7 @@ from recorded import record, waves
 
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
+from fimpact.selection.drives import align, drive, far
 from fimpact.selection.forward import Search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression
@@ -58,7 +59,7 @@ def test_how_soft_a_late_servo_is_shows_with_it():
     assert delay.values["delay"] == pytest.approx(3 * PERIOD, abs=2e-3)
     assert gain.effect.name == "servo_kp" and gain.values["change"] == pytest.approx(-0.4, abs=0.15)
     search = Search(made.track, made.begun, made.noise, list(EFFECTS.values()), lambda line: None)
-    search.align(made.late)
+    align(search, made.late)
     found = {law.effect.name: law.values for law in search.current.placed}
     assert set(found) == {"command_delay", "servo_kp"}
     assert found["command_delay"]["delay"] == pytest.approx(0.06, abs=1e-3)
@@ -153,16 +154,18 @@ def test_where_little_is_missing_and_another_does_far_more_the_compound_is_decli
     heavy = followed()
     naive = heavy.xml.replace('mass="0.3"', 'mass="0.1"').replace('damping="0.3"', 'damping="0.28"')
     search = search_of(replace(heavy, xml=naive))
-    search.drive()
-    assert not search.far and search.failed == {"geared drive"} and not search.current.placed
+    drive(search)
+    assert not far(search, search.missing) and search.failed == {"geared drive"} and not search.current.placed
 
 
 def test_where_much_is_missing_the_compound_is_refitted_whatever_its_columns_say():
-    drive = followed(kp=30.0)
-    light = drive.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
-    search = search_of(replace(drive, xml=light))
-    search.drive()
-    assert search.far and {"viscous@pivot", "rotor_inertia@pivot"} <= {law.name for law in search.current.placed}
+    heavy = followed(kp=30.0)
+    light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(heavy, xml=light))
+    drive(search)
+    assert far(search, search.missing) and {"viscous@pivot", "rotor_inertia@pivot"} <= {
+        law.name for law in search.current.placed
+    }
 
 
 def test_what_a_force_does_to_a_joint_that_sticks_is_judged_over_as_much_as_may_be_missing():

@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, LOUD, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
-from fimpact.effects import amounts
+from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
-from fimpact.effects.classes import DRIVE
-from fimpact.effects.sites import driven, has_servos
-from fimpact.selection.begin import at_typical_sizes, begun, held_by, in_midst, with_held
-from fimpact.selection.exchange import Exchange, exchanges
+from fimpact.effects.sites import has_servos
+from fimpact.selection.begin import begun, held_by, with_held
+from fimpact.selection.drives import align, drive, whole
+from fimpact.selection.exchange import Alternative, Exchange, exchanges
 from fimpact.selection.leftover import Leftover, leftover
 from fimpact.selection.limits import Limits
 from fimpact.selection.options import Option, options
@@ -19,22 +18,12 @@ from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
 from fimpact.smoothing.candidates import Candidate, candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
-from fimpact.smoothing.lateness import LATE, Way
+from fimpact.smoothing.lateness import Way
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
 from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """An explanation in place of the last one chosen, refitted: its effects, the unknowns with them, (p,), and its
-    weight beside the answer's 1."""
-
-    placed: tuple[Placed, ...]
-    theta: np.ndarray
-    weight: float
 
 
 @dataclass(frozen=True)
@@ -78,7 +67,7 @@ class Search:
         self.failed: set[str] = set()
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
-        self._first: tuple[Regression, Round] | None = None
+        self.first: tuple[Regression, Round] | None = None
         self.asked: Regression | None = None
         self._simulated = Simulated()
         self.hint = 1.0  # chance of the strongest hint of the first round
@@ -87,15 +76,6 @@ class Search:
     def spent(self) -> float:
         """Simulations of all samples in fits so far."""
         return self.track.quanta
-
-    @property
-    def far(self) -> bool:
-        """Whether so much is missing beside what motors give that columns are no tangents."""
-        model, missing = self.track.model, np.sqrt(self.missing / self.track.count)
-        joints = driven(model)
-        lost = [missing[model.joint(joint).dofadr[0]] for joint in joints]
-        given = [amounts.applied(self.scales, model, joint) for joint in joints]
-        return any(own > LOUD * most for own, most in zip(lost, given, strict=True))
 
     def asks(self) -> bool:
         """Whether one more question may be asked."""
@@ -117,62 +97,6 @@ class Search:
     def _has_its_family(self, candidate: Candidate) -> bool:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
         return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
-
-    def align(self, late: Sequence[Way]) -> None:
-        """Refit with each of the ways in which motors may be late, and keep the likeliest; what is missing is what is
-        missing once the clocks agree."""
-        fits, known, steps = [], {c.name: c for c in self.candidates}, self.track.steps
-        for way in (way for way in late if all(own.name in known for own in way)):
-            asked = [known[own.name] for own in way]
-            placed = [c.placed_as(own.values) for own, c in zip(way, asked, strict=True)]
-            self.progress(f"selecting: {way[0].name}, which takes away nearly all that the next samples miss")
-            fit = smooth(self.track, self.begun, self.noise, placed, [c.priors for c in asked], progress=self.progress)
-            if len(way) == 1 and fit.converged:
-                self.missing = np.minimum(self.missing, (fit.tau**2).sum(0))
-            fits.append(fit)
-        fits = [self.pruned(fit, self.missing, False) for fit in fits if fit.converged]
-        self.track.steps = steps  # no other question goes unasked because this one came first
-        fits = [fit for fit in fits if fit.converged and fit.loss() < self.naive.loss()]
-        if not fits:
-            return
-        best = min(fits, key=lambda fit: fit.loss())
-        self.current, self.hint = best, 0.0
-        weights = [
-            (fit, float(np.exp((best.loss() - fit.loss()) / best.dispersion))) for fit in fits if fit is not best
-        ]
-        self.alternatives = [Alternative(fit.placed, fit.theta, w) for fit, w in weights if w > UNLIKELY]
-        self.dropped = {own.name for way in late for own in way if own.effect.name in LATE}
-
-    def drive(self) -> None:
-        """Refit with a geared drive at every driven joint, and keep what bears something.
-
-        Under servos, and where a sample is long against the drive, a column at zero is wrong, and one kind of physics
-        alone goes wrong at each joint: the compound is refitted whatever its columns say, but where little is missing
-        of what motors give and another does more than twice as much.
-        """
-        tried = self.open(False)
-        if not (self.coupled and any(c.effect.name in DRIVE for c in tried)):
-            return
-        if self.far:  # nothing else has a say: its columns are no tangents
-            tried = [c for c in tried if c.effect.name in DRIVE]
-        regression, found = self.searched(tried, self.missing, SHARE)
-        self._first, self.asked = None if self.far else (regression, found), regression
-        trial = next((t for t in found.tried if t.option.compound), None)
-        if trial is None:
-            return
-        if not self.far and found.tried[0].gain > 2 * trial.gain:
-            self.failed.add(trial.option.name)  # its kinds and places are asked one by one
-            return
-        self.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
-        best = self.alike(self.refitted(regression, self.whole(trial, regression)))
-        best = self.pruned(best, self.missing, False)
-        spread = regression.dispersion
-        if best.converged and best.placed and best.loss(spread) < self.current.loss(spread):
-            self.current, self.hint = best, trial.p
-            self.rounds.append(replace(found, chosen=trial))
-            self.failed.add(trial.option.name)
-        else:
-            self.dropped.clear()
 
     def searched(self, tried: list[Candidate], missing: np.ndarray, floor: float) -> tuple[Regression, Round]:
         """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""
@@ -200,26 +124,17 @@ class Search:
         found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
         return [option for option in found if option.name not in self.failed]
 
-    def alike(self, fit: Smoothed) -> Smoothed:
-        """`fit`, or the likelier one that begins with what lies far below its like at other joints in their midst: the
-        same motors and gears sit at every joint, and a light one has optima of its own far below."""
-        placed = in_midst(fit.placed, fit.priors)
-        if placed == fit.placed:
-            return fit
-        other = smooth(self.track, self.begun, self.noise, placed, fit.priors, fit, progress=self.progress)
-        return other if other.converged and (not fit.converged or other.loss() < fit.loss()) else fit
-
     def round(self, small: bool = False) -> bool:
         """Choose and refit; False where nothing qualifies."""
         tried = self.open(small)
         if not tried:
             return False
         missing, offered = self.left() if small else self.missing, self.offered(tried)
-        if self._first and self._first[0].smoothed is self.current:
-            regression, found = self._first
+        if self.first and self.first[0].smoothed is self.current:
+            regression, found = self.first
         else:
             regression, found = self.searched(tried, missing, REFINES if small else SHARE)
-        self._first, self.asked = None, self.asked if small else regression
+        self.first, self.asked = None, self.asked if small else regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
@@ -232,7 +147,7 @@ class Search:
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
-        best = self.refitted(regression, self.whole(chosen, regression))
+        best = self.refitted(regression, whole(self, chosen, regression))
         best = best if small else self._among_rivals(regression, found, best)
         best = self.pruned(best, missing, small)
         self.failed.add(chosen.option.name)
@@ -250,10 +165,6 @@ class Search:
         """Squared force, (nv,), of which a refinement must take its share: what is left, but no less than what would
         not have been worth a name at first."""
         return np.maximum((self.current.tau**2).sum(0), SHARE * self.missing)
-
-    def whole(self, trial: Trial, regression: Regression) -> Trial:
-        """`trial`, and under servos what its compound has left out, at typical sizes."""
-        return at_typical_sizes(regression, trial) if trial.option.compound and self.coupled else trial
 
     def exchanged(self, regression: Regression, offered: Sequence[Option]) -> bool:
         """Put in the place of an effect what is likelier, refitted; what is as likely joins the set.
@@ -381,9 +292,9 @@ def explain(
     state = Search(track, begun, noise, limits.effects(effects), progress)
     state.limits = limits
     if state.asks():
-        state.align(late)
+        align(state, late)
     if state.asks():
-        state.drive()
+        drive(state)
     while state.asks() and state.round():
         pass
     main, state.misses = len(state.current.placed), 0
