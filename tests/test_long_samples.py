@@ -9,8 +9,10 @@ import pytest
 from recorded import record, waves
 
 from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
 from fimpact.recordings import Recording
 from fimpact.selection.drives import align, drive, far
+from fimpact.selection.exchange import Alternative
 from fimpact.selection.forward import Search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression
@@ -209,3 +211,17 @@ def test_the_share_of_what_a_stiff_servo_hides_is_that_of_its_own_force():
     (trial,) = search(regression, [Option("viscous", 0, (0,))], missing, 0.0).tried
     size = trial.estimate.values[-1] ** 2 / 1e3
     assert trial.share == pytest.approx(size, rel=0.5)
+
+
+def test_what_stood_in_the_place_of_a_delay_goes_with_it():
+    """Drives that lack nearly all look late; once they are in, neither delay nor lag is."""
+    heavy = followed(kp=30.0)
+    light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(heavy, xml=light))
+    late = Placed(EFFECTS["command_delay"], "servo", {"delay": 0.03})
+    search.current = smooth(search.track, search.begun, search.noise, (late,), ({"delay": 0.05},))
+    search.alternatives = [Alternative((late,), search.current.theta, 0.5)]
+    drive(search)
+    assert {"viscous@pivot", "rotor_inertia@pivot"} <= {law.name for law in search.current.placed}
+    gone = "command_delay@servo" not in {law.name for law in search.current.placed}
+    assert bool(search.alternatives) != gone

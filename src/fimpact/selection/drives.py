@@ -77,6 +77,10 @@ def drive(search) -> None:
     best = search.pruned(best, search.missing, False)
     spread = regression.dispersion
     if best.converged and best.placed and best.loss(spread) < search.current.loss(spread):
+        before = {law.name for law in search.current.placed}
+        added = tuple(law for law in best.placed if law.name not in before)
+        stays = before <= {law.name for law in best.placed}  # else what stood in its place has gone with it
+        search.alternatives = [replace(a, placed=(*a.placed, *added)) for a in search.alternatives if stays]
         search.current, search.hint = best, trial.p
         search.rounds.append(replace(found, chosen=trial))
         search.failed.add(trial.option.name)
