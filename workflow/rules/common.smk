@@ -55,7 +55,9 @@ PROOF = ["quiet", "deciding", "recordings", "units", "visuals", "diagnosis/freed
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
 PROOF += [f"effects/{name}" for name in EFFECTS.split() if name != "classes"]
 FINDING = [*PROOF, "smoothing/candidates", "smoothing/columns", "smoothing/simulated", "effects/classes"]
-FINDING += [f"selection/{name}" for name in "begin drives exchange forward leftover limits options regression search".split()]
+FINDING += [
+    f"selection/{name}" for name in "begin drives exchange forward leftover limits options regression search".split()
+]
 SEEING = "diagnosed judging motion motions sight suspects wording".split()
 FINDING += [f"identifiability/{name}" for name in SEEING]
 FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
