@@ -356,6 +356,26 @@ def test_a_wrong_model_buys_no_start_that_nobody_has_seen():
     assert np.all((fit.left**2).sum(1) > 100 * fit.left.shape[1])  # and is seen to be wrong
 
 
+@pytest.mark.parametrize("stiff", [True, False])
+def test_what_a_servo_forgets_is_not_simulated(stiff, monkeypatch):
+    """A start whose trace has died away in an eighth of a window is followed no further; a free rod's never has."""
+    servo = '<position name="motor" joint="pivot" kp="200" kv="4"/>'
+    xml = ROD.replace('<motor name="motor" joint="pivot"/>', servo) if stiff else ROD
+    given = recording(xml, ("angle",), Run("run", wave(400), np.zeros((400, 1)), True))
+    simulator, windows = Simulator(given), cut(given.runs, 0)
+    hypothesis, noise, begun = Hypothesis(simulator.theta), np.array([1e-3]), np.zeros((1, 1))
+    own = Starts(begun, begun, np.zeros((1, 0)), np.full((1, 2), 0.01))
+    asked, truly = [], simulator.predict
+    monkeypatch.setattr(
+        simulator, "predict", lambda h, w, *s: asked.append((len(w.first), w.length)) or truly(h, w, *s)
+    )
+    fit = fit_windows(simulator, hypothesis, windows, own, noise)
+    assert ((2, 400) not in asked) == stiff
+    monkeypatch.setattr(horizon, "SOON", 400)
+    whole = fit_windows(simulator, hypothesis, windows, own, noise)
+    np.testing.assert_allclose(fit.slopes * 0.01, whole.slopes * 0.01, atol=1e-3)
+
+
 def test_a_finer_step_needs_no_new_slopes(monkeypatch):
     given, starts = record(0.02)
     coarse, fine, noise = Simulator(given), Simulator(given, 4), np.array([1e-3])

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from fimpact.deciding import ASTRAY
+from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import DIVERGED, Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut, spread
@@ -25,6 +26,7 @@ STRAIGHT = 1e-2  # of the cost: a step that ends this near to what its slopes fo
 HALVINGS = 2  # of a step that makes things worse
 HEAVIEST, PARTS = 20, 30  # decades of the prior's weight in which that is sought, halved so often
 ROUND_OFF = 1e-10  # of a slope's own square: what keeps a singular problem solvable
+SOON, FORGOTTEN = 8, 1e-3  # part of a window, and of the noise: a start that moves readings less by then has died away
 NUDGE = 0.05  # of the sd of a start: the step of differences, within
 NUDGES = (1e-7, 1e-3)  # m, rad and their rates
 
@@ -216,8 +218,16 @@ def _sloped(fit: Fit, simulator: Simulator, hypothesis: Hypothesis) -> Fit:
     count, size = fit.change.shape
     nudge, rows = np.clip(NUDGE * fit.given.sd, *NUDGES), np.repeat(np.arange(count), size)
     moves = np.eye(size)[None] * nudge[:, None]
-    near = _simulated(_part(fit, rows), simulator, hypothesis, (fit.change[:, None] + moves).reshape(-1, size))
-    slopes = (near.left.reshape(count, size, -1) - fit.left[:, None]) / nudge[:, :, None]
+    near, slopes = _part(fit, rows), np.zeros((count, size, fit.left.shape[1]))
+    whole = fit.windows.length
+    for length in (whole,) if can_touch(simulator.base) or whole < 2 * SOON else (whole // SOON, whole):
+        part = replace(near, windows=near.windows.begun(length))
+        part = _simulated(part, simulator, hypothesis, (fit.change[:, None] + moves).reshape(-1, size))
+        known = part.left.shape[1]
+        slopes[:, :, :known] = (part.left.reshape(count, size, -1) - fit.left[:, None, :known]) / nudge[:, :, None]
+        last = slopes[:, :, known // 2 : known] * fit.given.sd[:, :, None]
+        if (np.abs(last) < FORGOTTEN).all():  # as a servo forgets where it began
+            break
     return replace(fit, slopes=slopes)
 
 

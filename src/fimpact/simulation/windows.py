@@ -29,6 +29,10 @@ class Windows:
         """Samples in a window, T."""
         return self.measured.shape[1]
 
+    def begun(self, length: int) -> "Windows":
+        """The first `length` samples of each."""
+        return replace(self, measured=self.measured[:, :length])
+
     def part(self, rows: np.ndarray) -> "Windows":
         """Select windows by a mask (w,) or by indices, which may repeat."""
         return replace(self, runs=self.runs[rows], first=self.first[rows], measured=self.measured[rows])
