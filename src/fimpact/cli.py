@@ -40,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a terminal that lacks a letter gets its number
             stream.reconfigure(errors="backslashreplace")
     options = _parser().parse_args(arguments)
+    os.environ.setdefault("MPLBACKEND", "Agg")  # pictures go to files
     try:
         with _ended_as_interrupted(), warnings.catch_warnings():
             warnings.simplefilter("default" if os.environ.get(TRACEBACK) else "ignore")  # of libraries, to programmers
@@ -197,14 +198,11 @@ def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    from fimpact.cases.errors import one_of
+    from fimpact.api.options import chosen_family
     from fimpact.diagnose_recording import diagnose_recording
-    from fimpact.effects import EFFECTS
     from fimpact.selection.limits import Limits
 
-    families = list(dict.fromkeys(effect.family for effect in EFFECTS.values()))
-    alike = [family for family in families if options.only in family.split()]
-    only = alike[0] if len(alike) == 1 else options.only and one_of(families, options.only, "family", "--only")
+    only = chosen_family(options.only, "--only")
     limits = Limits(options.quick, only, options.budget or math.inf, time.monotonic())
     found, page = diagnose_recording(*_asked(options), limits)
     print(f"page: {page}")
