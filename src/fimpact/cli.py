@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 OTHERS = "\n## The rigs here\n"  # from here on the page on keys is about cases of the repository
 FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -101,7 +102,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="fimpact", description="Say where a simulation and a recording part, and what is missing.")
     parser.add_argument("--version", action="version", version=f"fimpact {version('fimpact')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
-    data = {"type": Path, "metavar": "ROOT", "help": "folder of the data files, instead of the one the case names"}
+    data: dict[str, Any] = {
+        "type": Path,
+        "metavar": "ROOT",
+        "help": "folder of the data files, instead of the one the case names",
+    }
     check = commands.add_parser("check", help="read and judge a case without running it")
     check.add_argument("case", type=Path, metavar="CASE.yaml")
     check.add_argument("--data", **data)
@@ -238,7 +243,9 @@ def _resolve(options: argparse.Namespace) -> None:
         print(f"Left: {said}." if len(left) == 1 else f"These cannot be told apart yet: {said}.")
 
 
-def _asked(options: argparse.Namespace) -> tuple:
+def _asked(
+    options: argparse.Namespace,
+) -> tuple[Path, Path | None, Path, Callable[[str], None], Path | None]:
     """Case, data, folder of the page, progress and effects, as the command line gives them."""
     out = options.out or Path("results") / "recordings" / options.case.stem
     return options.case, options.data, out, _teller(), options.effects

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -125,7 +126,7 @@ def _present(column: Column) -> list:
     return [value for value in dict.fromkeys(known) if value == value]
 
 
-def is_number(value: object) -> bool:
+def is_number(value: Any) -> bool:
     """Whether a value, or a text, is a finite number."""
     try:
         return bool(np.isfinite(float(value)))
