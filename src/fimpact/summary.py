@@ -1,4 +1,4 @@
-"""The tables behind the README: one row per system and method, coverage per parameter, and the reduction curve."""
+"""The tables behind docs/paper.md: one row per system and method, coverage per parameter, and the reduction curve."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -128,7 +128,7 @@ COLUMNS = {
 
 
 def to_markdown(summary: pd.DataFrame) -> str:
-    """The README's table, and below it how often `fisher` found contact from a start without."""
+    """The table of docs/paper.md, and below it how often `fisher` found contact from a start without."""
     rows = [list(COLUMNS), ["---"] * len(COLUMNS)]
     rows += [[write(row) for write in COLUMNS.values()] for row in summary.itertuples()]
     table = "\n".join("| " + " | ".join(row) + " |" for row in rows)

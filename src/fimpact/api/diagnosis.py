@@ -7,22 +7,23 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from fimpact import recordings
 from fimpact.api.options import chosen_family
 from fimpact.diagnosis import pipeline
 from fimpact.diagnosis.remainder import dof_name
 from fimpact.effects.own import load_effects
+from fimpact.experiments.described import next_experiment
 from fimpact.report import write_report
 from fimpact.report_contents import describe_inputs
+from fimpact.report_figures import force, horizon, joints
+from fimpact.report_look import draw
 from fimpact.selection.limits import Limits
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLUMNS = ["effect", "site", "tier", "parameter", "value", "low", "high", "unit", "why_not"]
 FORCES = ["joint", "unit", "naive", "left", "applied"]
@@ -108,7 +109,7 @@ class Diagnosis:
         index = pd.Index(np.asarray(track.time[rows]), name="time_s")
         return pd.DataFrame(fit.tau[rows], index, pd.Index(joints))
 
-    def plot_held_out(self) -> "Figure":
+    def plot_held_out(self) -> Figure:
         """Held-out error of each model against the time that is predicted in one go.
 
         Raises:
@@ -116,20 +117,15 @@ class Diagnosis:
         """
         if not self.data["held_out"]["horizons"]:
             raise ValueError("no run was held out, so there is no held-out error; keep one back with held_out")
-        return self._figure("horizon")
+        return draw(horizon, self.data["held_out"])
 
-    def plot_missing_force(self) -> "Figure":
+    def plot_missing_force(self) -> Figure:
         """The missing force against speed, at the joint that lacks most, and what the found effects make of it."""
-        return self._figure("force")
+        return draw(force, self.data["picture"], bool(self.data["effects"]))
 
-    def plot_joints(self) -> "Figure":
+    def plot_joints(self) -> Figure:
         """Missing force of each joint before and after."""
-        return self._figure("joints")
-
-    def _figure(self, name: str) -> "Figure":
-        from fimpact.report_figures import pictures  # matplotlib
-
-        return pictures(self.data)[name]
+        return draw(joints, self.data["missing_force"], bool(self.data["effects"]))
 
     def save(self, folder: str | Path) -> Path:
         """Write the page and all that belongs to it, as `fimpact diagnose` does: report.html, diagnosis.json, the
@@ -144,8 +140,6 @@ class Diagnosis:
         Raises:
             FileExistsError: the folder holds files that are no part of a page.
         """
-        from fimpact.experiments.described import next_experiment
-
         origin: Mapping[str, str] = getattr(self.result.recording, "origin", {})
         provenance = {**describe_inputs([]), "inputs": dict(origin)}
         experiment = next_experiment(self.result) if len(self.result.members) > 1 else None

@@ -4,20 +4,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from fimpact import recordings
 from fimpact.api.diagnosis import Diagnosis
 from fimpact.cases.errors import CaseError
 from fimpact.experiments import described, design
+from fimpact.experiments.figures import commands as drawn_commands
 from fimpact.experiments.resolve import Resolved, remaining, stated
 from fimpact.experiments.resolve import resolve as weigh_anew
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from fimpact.report_look import draw
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,9 @@ class Experiment:
         needed for 80 % power at 1 %; none where nobody would play so many)."""
         return pd.DataFrame(self._described["pairs"], columns=["one", "other", "separation", "repeats"])
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """The commands over time."""
-        from fimpact.experiments.figures import commands  # matplotlib
-        from fimpact.report_look import draw
-
-        return draw(commands, self.diagnosis.result, self.result)
+        return draw(drawn_commands, self.diagnosis.result, self.result)
 
     def save(self, folder: str | Path) -> None:
         """Write experiment.csv and experiment-start.csv to a folder, which is made."""
