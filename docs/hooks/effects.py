@@ -2,6 +2,8 @@
 
 import re
 
+from signatures import signature
+
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Effect
 from fimpact.effects.listing import facts
@@ -14,6 +16,10 @@ An effect is one piece of physics that a model may lack. `fimpact effects` lists
 one in full, and `fimpact effects coulomb --model arm.xml` its places in your model. These pages are made from the same
 table.
 
+Each picture is simulated: a two-link arm with motors or with servos, or a ball thrown onto a table, with the effect at
+about a third of what the catalogue holds plausible. On the left is how it changes the reading that it changes most. On
+the right, where that is clear, is the force that the model then lacks, against the speed of the joint.
+
 In equations, τ is the torque of a joint, q its position, q̇ its speed, u a command. Units are those of a hinge; on
 slides N, m and linear stand in the place of N m, rad and angular.
 """
@@ -23,7 +29,8 @@ def pages() -> dict[str, str | bytes]:
     """An overview, and a page for each family."""
     families = dict.fromkeys(effect.family for effect in EFFECTS.values())
     made: dict[str, str | bytes] = {"effects.md": HEAD + "".join(_overview(family) for family in families)}
-    return made | {f"effects/{_file(family)}.md": _family(family) for family in families}
+    made |= {f"effects/{_file(family)}.md": _family(family) for family in families}
+    return made | {f"effects/{name}.png": signature(effect) for name, effect in EFFECTS.items()}
 
 
 def _file(family: str) -> str:
@@ -53,6 +60,7 @@ def _effect(effect: Effect) -> str:
     others = "".join(f"| {name} | {text} |\n" for name, text in rows.items() if text)
     return (
         f"\n## {effect.name} {{#{effect.name}}}\n\n{effect.sentence}\n\n```text\n{law}\n```\n\n"
+        f"![What {effect.name} does to a log]({effect.name}.png)\n\n"
         f"| number | unit and bounds |\n|---|---|\n{numbers}\n| | |\n|---|---|\n{others}{fields}"
     )
 

@@ -9,6 +9,7 @@ import effects
 import formulas
 import links
 import notebook
+import rigs
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[2]
@@ -38,6 +39,7 @@ def on_files(files: Files, config) -> Files:
 def on_page_markdown(markdown: str, page, config, files: Files) -> str:
     """Turn links to files of the repository into links of the site."""
     source = BESIDE.get(page.file.src_uri, f"docs/{page.file.src_uri}")
+    markdown = rigs.apart(markdown)
     return links.rewritten(markdown, source, page.file.src_uri, BESIDE, files)
 
 
