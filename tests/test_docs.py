@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 import yaml
 from conftest import ROOT
@@ -53,3 +54,14 @@ def test_every_page_is_in_the_menu():
     menu = re.search(r"^nav:.*", (ROOT / "mkdocs.yml").read_text(), re.S | re.M)[0]
     listed = re.findall(r": (\S+\.md)$", menu, re.M)
     assert {page.name for page in PAGES if page.parent.name == "docs"} <= set(listed) and yaml.safe_load(menu)
+
+
+def test_the_printed_reader_reads(tmp_path):
+    (text,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "add-reader.md").read_text(), re.S)
+    names: dict = {}
+    exec(text, names)
+    pd.DataFrame({"t": [0.0, 0.1], "q": [1.0, 2.0]}).to_feather(tmp_path / "log.feather")
+    assert [(one.name, one.values.tolist()) for one in names["feather"](tmp_path / "log.feather")] == [
+        ("t", [0.0, 0.1]),
+        ("q", [1.0, 2.0]),
+    ]

@@ -29,8 +29,9 @@ def pages() -> dict[str, str | bytes]:
     """An overview, and a page for each family."""
     families = dict.fromkeys(effect.family for effect in EFFECTS.values())
     made: dict[str, str | bytes] = {"effects.md": HEAD + "".join(_overview(family) for family in families)}
-    made |= {f"effects/{_file(family)}.md": _family(family) for family in families}
-    return made | {f"effects/{name}.png": signature(effect) for name, effect in EFFECTS.items()}
+    drawn = {name: picture for name, effect in EFFECTS.items() if (picture := signature(effect))}
+    made |= {f"effects/{_file(family)}.md": _family(family, set(drawn)) for family in families}
+    return made | {f"effects/{name}.png": picture for name, picture in drawn.items()}
 
 
 def _file(family: str) -> str:
@@ -48,20 +49,21 @@ def _overview(family: str) -> str:
     return f"\n## {family.capitalize()}\n\n| effect | what it is |\n|---|---|\n{rows}"
 
 
-def _family(family: str) -> str:
-    return f"# {family.capitalize()}\n\n[All effects](../effects.md)\n" + "".join(map(_effect, _of(family)))
+def _family(family: str, drawn: set[str]) -> str:
+    parts = [_effect(effect, effect.name in drawn) for effect in _of(family)]
+    return f"# {family.capitalize()}\n\n[All effects](../effects.md)\n" + "".join(parts)
 
 
-def _effect(effect: Effect) -> str:
+def _effect(effect: Effect, drawn: bool) -> str:
     rows = facts(effect)
     law = rows.pop("law")
     fields = "".join(f"| {name} | {_code(rows.pop(name))} |\n" for name in FIELDS if name in rows)
     numbers = "".join(f"| `{name.split()[1]}` | {rows.pop(name)} |\n" for name in list(rows) if name.startswith(NUMBER))
     others = "".join(f"| {name} | {text} |\n" for name, text in rows.items() if text)
+    picture = f"![What {effect.name} does to a log]({effect.name}.png)\n\n" if drawn else ""
     return (
         f"\n## {effect.name} {{#{effect.name}}}\n\n{effect.sentence}\n\n```text\n{law}\n```\n\n"
-        f"![What {effect.name} does to a log]({effect.name}.png)\n\n"
-        f"| number | unit and bounds |\n|---|---|\n{numbers}\n| | |\n|---|---|\n{others}{fields}"
+        f"{picture}| number | unit and bounds |\n|---|---|\n{numbers}\n| | |\n|---|---|\n{others}{fields}"
     )
 
 

@@ -45,7 +45,7 @@ STARTS = {
     "ball": (np.array([0, 0, 0.3, 1, 0, 0, 0.0]), np.array([1.0, 0.2, -1.0, 0, 20, 5])),
 }
 XML = {"arm": ARM, "servo": SERVO, "ball": BALL}
-PERIOD, SAMPLES = 0.002, 1000
+PERIOD, SAMPLES = 0.002, 750
 FINER = 4  # parts of a sample that are simulated: the error of the time step must not pass for a force
 SIZE = 0.3  # of what is plausible
 CLEAR = 3.0  # times the force that differences of readings leave where nothing is missing
@@ -142,7 +142,7 @@ def _drawn(rig: Rig, placed: Placed, read: np.ndarray) -> bytes:
         figure, axes = plt.subplots(1, len(panels), figsize=(3.2 * len(panels), 1.75), squeeze=False)
         for ax, draw in zip(axes[0], panels, strict=True):
             draw(ax)
-        figure.tight_layout(pad=0.4)
+        figure.subplots_adjust(0.2 / len(panels), 0.24, 0.98, 0.86, 0.3)  # left, bottom, right, top, between
         out = BytesIO()
         figure.savefig(out, format="png", dpi=110)
         plt.close(figure)
