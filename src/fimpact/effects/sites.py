@@ -231,12 +231,12 @@ def can_touch(model: mujoco.MjModel) -> bool:
     return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
 
 
-def pairs_of(model: mujoco.MjModel, geom: int | np.integer) -> list[int]:
+def pairs_of(model: mujoco.MjModel, geom: int) -> list[int]:
     """Explicit contact pairs that contain `geom`."""
     return np.flatnonzero((model.pair_geom1 == geom) | (model.pair_geom2 == geom)).tolist()
 
 
-def partners(model: mujoco.MjModel, geom: int | np.integer) -> list[int]:
+def partners(model: mujoco.MjModel, geom: int) -> list[int]:
     """Geoms on other bodies that `geom` may touch by their types, one of the two moving; where an explicit pair lists
     both, it replaces that."""
     listed = [i for pair in pairs_of(model, geom) for i in (model.pair_geom1[pair], model.pair_geom2[pair])]
@@ -265,7 +265,7 @@ def _flies(model, joint) -> bool:
     body = model.joint(joint.id).bodyid[0]
     own = np.flatnonzero(model.jnt_bodyid == body)
     pushed = np.isin(own, model.actuator_trnid[model.actuator_trntype == ON_JOINT, 0])
-    return bool(np.count_nonzero(model.jnt_type[own] == SLIDE) > 1 and not pushed.any())
+    return np.count_nonzero(model.jnt_type[own] == SLIDE) > 1 and not pushed.any()
 
 
 def _before(model, joint: str, among: list[str]) -> str:
@@ -280,7 +280,7 @@ def _before(model, joint: str, among: list[str]) -> str:
     return ""
 
 
-def _affine(model: mujoco.MjModel, actuator: int | np.integer) -> bool:
+def _affine(model, actuator: int) -> bool:
     return model.actuator_gaintype[actuator] in PROPORTIONAL and model.actuator_biastype[actuator] in AFFINE
 
 
