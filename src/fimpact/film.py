@@ -66,7 +66,7 @@ def draw_film(diagnosis: Diagnosis, runs: Sequence[Run], starts: Sequence[Starts
 def stretch(diagnosis: Diagnosis, runs: Sequence[Run], starts: Sequence[Starts]) -> Stretch:
     """The stretch, some seconds long, in which the naive model errs as much as in the median one; each model in one go
     from the state at its beginning."""
-    recording, simulator = diagnosis.recording, diagnosis.simulator
+    recording, simulator = diagnosis.recording, diagnosis.prepared.proving
     windows = cut(runs, max(2, round(_length(diagnosis) / recording.period)), MOST_WINDOWS)
     begun = window_starts(windows, starts)
     naive = simulator.predict(diagnosis.naive, windows, begun.qpos, begun.qvel, begun.act)

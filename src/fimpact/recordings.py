@@ -69,12 +69,8 @@ class Recording:
     notes: tuple[str, ...] = ()
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh MjSpec of the naive model; gravity that a flag switches off is none, so that a lean can be tried."""
-        spec = mujoco.MjSpec.from_string(self.xml)
-        if spec.option.disableflags & WEIGHTLESS:
-            spec.option.gravity = np.zeros(3)
-            spec.option.disableflags &= ~WEIGHTLESS
-        return spec
+        """A fresh MjSpec of the naive model, as `spec_of` has it."""
+        return spec_of(self.xml)
 
     @property
     def training(self) -> tuple[Run, ...]:
@@ -85,6 +81,15 @@ class Recording:
     def held_out(self) -> tuple[Run, ...]:
         """Runs that only judge."""
         return tuple(run for run in self.runs if run.held_out)
+
+
+def spec_of(xml: str) -> mujoco.MjSpec:
+    """A fresh MjSpec of an MJCF; gravity that a flag switches off is none, so that a lean can be tried."""
+    spec = mujoco.MjSpec.from_string(xml)
+    if spec.option.disableflags & WEIGHTLESS:
+        spec.option.gravity = np.zeros(3)
+        spec.option.disableflags &= ~WEIGHTLESS
+    return spec
 
 
 def _scale_inertial(model: mujoco.MjModel, body: int, value: float) -> None:

@@ -49,7 +49,7 @@ def contents(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) 
         row |= {part: getattr(law.effect, part) for part in ("equation", "sentence", "reference")}
         row["fields"] = fields_of(law.effect, spec, law.site)
     runs = recording.held_out or recording.training
-    starts = starts_of(recording, runs, diagnosis.prepared.noise, diagnosis.simulator)
+    starts = diagnosis.proof.starts if diagnosis.proof else _starts_of(diagnosis, runs)
     exported = _export(diagnosis, folder, runs, starts)
     found["held_out"] |= _overall(diagnosis)
     found["model"] = {
@@ -62,6 +62,11 @@ def contents(diagnosis: Diagnosis, folder: Path, provenance: Mapping[str, Any]) 
     found["film"] = {"file": "" if reason else f"{FIGURES}/{FILM}", "reason": reason}
     found["alternatives"] = alternatives(diagnosis)
     return {**found, "provenance": {"versions": _versions(), **provenance}}
+
+
+def _starts_of(diagnosis: Diagnosis, runs: Sequence[Run]) -> Sequence[Starts]:
+    prepared = diagnosis.prepared
+    return starts_of(diagnosis.recording, runs, prepared.noise, prepared.track.simulator)
 
 
 def _overall(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -82,7 +87,7 @@ def _export(diagnosis: Diagnosis, folder: Path, runs: Sequence[Run], starts: Seq
     overall = _overall(diagnosis)["overall"]
     if overall and not overall["improved"] < overall["naive"]:
         return Exported([], refusal="No model is exported: it predicts held-out runs no better than the naive fit.")
-    recording, simulator = diagnosis.recording, diagnosis.simulator
+    recording, simulator = diagnosis.recording, diagnosis.prepared.proving
     horizon = _overall(diagnosis)["horizon"] or 1.0
     windows = cut(runs, max(2, round(horizon / recording.period)), MOST_WINDOWS)
     predicted, states = predict_windows(simulator, diagnosis.best, windows, starts, diagnosis.prepared.noise)

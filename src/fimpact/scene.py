@@ -4,6 +4,7 @@ Nothing here knows a robot: outlines come from the geoms of the compiled model.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -31,6 +32,11 @@ class Scene:
     contacts: tuple[np.ndarray, ...]
     measurement: np.ndarray
     pivots: np.ndarray
+
+    @cached_property
+    def cores(self) -> list[tuple[np.ndarray, float]]:
+        """Of each geom, points (n, 3) in its frame and a radius, m, to round them by: the hull of both is the geom."""
+        return [_core(self.model, geom) for geom in range(self.model.ngeom)]
 
     @property
     def force(self) -> np.ndarray:
@@ -79,7 +85,7 @@ def moves(model: mujoco.MjModel, geom: int) -> bool:
 
 def outline(scene: Scene, geom: int, step: int) -> np.ndarray:
     """Silhouette of a geom at a step: a convex polygon (n, 2) in the plane of motion; empty for planes and fields."""
-    core, radius = _core(scene.model, geom)
+    core, radius = scene.cores[geom]
     if not len(core):
         return np.zeros((0, 2))
     points = core @ scene.rotation[step, geom].T + scene.position[step, geom]
@@ -102,12 +108,19 @@ def surfaces(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _core(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, float]:
-    # Points (n, 3) in the geom's frame and the radius to round them by: the hull of both is the geom.
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         first, count = model.mesh_vertadr[model.geom_dataid[geom]], model.mesh_vertnum[model.geom_dataid[geom]]
-        return model.mesh_vert[first : first + count], 0.0
+        return _corners(model.mesh_vert[first : first + count]), 0.0
     return _CORES.get(kind, lambda size: np.zeros((0, 3)))(size), size[0] if kind in ROUND else 0.0
+
+
+def _corners(points: np.ndarray) -> np.ndarray:
+    """Those of `points`, (n, 3), that span their hull; all, where they are flat."""
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        return points
 
 
 def _cylinder(size: np.ndarray) -> np.ndarray:

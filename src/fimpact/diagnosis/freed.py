@@ -12,6 +12,7 @@ from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track
 
 OF_JOINTS = ("damping", "frictionloss", "armature")
+PATIENCE = 5  # rounds without a better fit
 TURNS_OR_SLIDES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
@@ -37,5 +38,6 @@ def fit_freed(prepared: Prepared, begun: States) -> tuple[Simulator, Hypothesis]
     recording = freed(prepared.track.recording)
     coarse = round(Simulator(prepared.track.recording).base.opt.timestep / prepared.track.simulator.base.opt.timestep)
     track = Track(Simulator(recording, max(coarse, 1), prepared.proving.apart), prepared.track.runs)
-    found = smooth(track, begun, prepared.noise)
+    # So much freed often goes astray after some rounds: a user would take the best fit.
+    found = smooth(track, begun, prepared.noise, patience=PATIENCE)
     return track.simulator, Hypothesis(found.theta)

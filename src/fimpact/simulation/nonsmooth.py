@@ -11,18 +11,14 @@ import numpy as np
 
 from fimpact.effects.base import Placed
 from fimpact.effects.native import STIFFEST
-
-
-def has_contacts(model: mujoco.MjModel) -> bool:
-    """Whether anything in `model` may come into contact."""
-    return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
+from fimpact.effects.sites import can_touch
 
 
 def has_constraints(model: mujoco.MjModel) -> bool:
     """Whether anything in `model` may be held or rubbed: by contact, limits, equalities or dry friction."""
     limited = model.jnt_limited.any() or model.tendon_limited.any()
     rubbed = model.dof_frictionloss.any() or model.tendon_frictionloss.any()
-    return bool(has_contacts(model) or limited or model.neq or rubbed)
+    return bool(can_touch(model) or limited or model.neq or rubbed)
 
 
 def make_friction_exact(model: mujoco.MjModel, base: mujoco.MjModel, placed: Sequence[Placed] = ()) -> list[int]:

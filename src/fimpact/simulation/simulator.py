@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import mujoco
@@ -18,13 +18,13 @@ from mujoco.rollout import Rollout
 
 from fimpact.effects.base import Placed, Signal, State
 from fimpact.effects.native import editable
-from fimpact.effects.sites import NO_CONTACT
+from fimpact.effects.sites import NO_CONTACT, can_touch
 from fimpact.quiet import hush
-from fimpact.recordings import FIELDS, Recording
+from fimpact.recordings import FIELDS, Recording, spec_of
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
 from fimpact.simulation.inputs import InputSignal
 from fimpact.simulation.model_pool import ModelPool
-from fimpact.simulation.nonsmooth import has_constraints, has_contacts, make_friction_exact
+from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
 from fimpact.simulation.servo_steps import held_by_servos
 from fimpact.simulation.windows import Windows
 from fimpact.visuals import without_visuals
@@ -76,11 +76,10 @@ class Simulator:
 
     def __init__(self, recording: Recording, refine: int = 1, apart: bool = False):
         self.recording, self.refine, self.apart = recording, refine, apart
-        spec = without_visuals(recording.spec(), apart)
-        spec.option.timestep /= refine
-        self.base = editable(spec)
-        _configure(self.base)
+        self.base = copy.copy(_compiled(recording.xml, apart))
+        self.base.opt.timestep /= refine
         self.base.opt.disableflags |= NO_CONTACT * apart
+        _configure(self.base)
         self.substeps = max(1, round(recording.period / self.base.opt.timestep))
         self.base.opt.timestep = recording.period / self.substeps
         # What MuJoCo does to a contact that is too quick for its time step (refsafe) belongs to the model: finer steps
@@ -245,6 +244,11 @@ class Simulator:
         return tuple(state[..., a:b] for a, b in pairwise(ends))
 
 
+@lru_cache(maxsize=2)  # a large model takes longer to compile than to copy
+def _compiled(xml: str, apart: bool) -> mujoco.MjModel:
+    return editable(without_visuals(spec_of(xml), apart))
+
+
 def sensor_column(model: mujoco.MjModel, channel: str) -> int:
     """Find the column of `channel` in MuJoCo's `sensordata`."""
     name, _, component = channel.removesuffix("]").partition("[")
@@ -254,12 +258,14 @@ def sensor_column(model: mujoco.MjModel, channel: str) -> int:
 def _configure(model: mujoco.MjModel) -> None:
     # A diverged state must show as NaN, not as a silent reset. Islands change no digit and cost a twentieth.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_ISLAND
-    # A difference of two simulations through contact needs a solver that has converged further than a picture does.
-    model.opt.tolerance = min(model.opt.tolerance, CONVERGED)
+    # A difference of two simulations through contact needs a solver that has converged further than a picture does;
+    # what else holds a robot is found to the last digit by steps that are few.
+    if can_touch(model) or model.opt.solver != mujoco.mjtSolver.mjSOL_NEWTON:
+        model.opt.tolerance = min(model.opt.tolerance, CONVERGED)
     model.opt.iterations = max(model.opt.iterations, ITERATIONS)
     model.opt.ls_iterations = max(model.opt.ls_iterations, ITERATIONS)
     # Of limbs that move without one another half of all entries are nothing: left out, contact takes half the time.
-    if has_contacts(model) and model.nM < model.nv * (model.nv + 1) // 2:
+    if can_touch(model) and model.nM < model.nv * (model.nv + 1) // 2:
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
 
 

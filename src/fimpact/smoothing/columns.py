@@ -22,7 +22,7 @@ from fimpact.smoothing.linear import Linear
 from fimpact.smoothing.response import Change, Response
 from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed, inverse_of_push
-from fimpact.smoothing.track import Plant, Track
+from fimpact.smoothing.track import Track
 
 ACTING = ("force", "friction", "gear")  # ways in which laws act along a motion, without a simulation
 SMALL = 1e-2  # share of its prior at which a linear effect is tried: in contact no tangent holds for all of it
@@ -93,7 +93,7 @@ def changes(smoothed: Smoothed, laws: Sequence[Placed], known: Simulated | None 
     known.along(smoothed)
     simulated = [law.effect.enters in ("model", "command") for law in laws]
     for i in [i for i in range(len(laws)) if i not in found]:
-        found[i] = known.change(laws[i], made, made.rough) if simulated[i] else made(laws[i])
+        found[i] = known.change(laws[i], made) if simulated[i] else made(laws[i])
     return [found[i] for i in range(len(laws))]
 
 
@@ -129,27 +129,14 @@ def _whole(track: Track, linear: Linear, with_all: Linear, means: np.ndarray) ->
 class _Maker:
     """What edits of the model, of commands and of readings do beside the plant of a smoothed recording."""
 
-    _coarse: "_Maker | None" = None
-
     def __init__(self, smoothed: Smoothed):
         self.smoothed, self.track = smoothed, smoothed.track
         # The trajectory of the last derivatives is as good as the last one for what they decide.
-        self.response = self._response(smoothed.linear.plant)
+        plant, inverse = smoothed.linear.plant, smoothed.linear.response.inverse
+        self.response = Response(plant, smoothed.states, smoothed.tau, inverse)
         self.plant = self.response.plant
         given = self.plant.ctrl
         self.told = replace(given, values=predicted_commands(self.track, given.values, smoothed.tau))
-
-    def _response(self, plant: Plant) -> Response:
-        smoothed = self.smoothed
-        return Response(plant, smoothed.states, smoothed.tau, smoothed.linear.response.inverse)
-
-    def rough(self, placed: Placed) -> Change:
-        """Of one effect, at the model's own time step."""
-        if self._coarse is None:
-            self._coarse = copy.copy(self)
-            self._coarse.response = self._response(self.smoothed.linear.plant.coarse)
-            self._coarse.plant = self._coarse.response.plant
-        return self._coarse(placed)
 
     def __call__(self, placed: Placed) -> Change:
         """Of one effect."""

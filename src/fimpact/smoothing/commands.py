@@ -2,7 +2,8 @@
 
 import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import mujoco
@@ -26,6 +27,7 @@ class Commands:
 
     values: np.ndarray
     jumps: tuple[tuple[float, int], ...] = ()
+    _known: dict[tuple[int, int], list[tuple[float, np.ndarray]]] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, rows) -> "Commands":
         return Commands(self.values[rows], self.jumps)
@@ -50,9 +52,16 @@ class Commands:
         if not self.jumps:
             yield model, self.values[:, 0] if parts == 1 else self._even(substeps)
             return
-        for (begin, first), (end, last) in pairwise(((0.0, 0), *self.jumps, (1.0, parts))):
+        if (substeps, least) not in self._known:
+            self._known[substeps, least] = list(self._between_jumps(substeps, least))
+        for part, values in self._known[substeps, least]:
+            yield _at_step(model, part * period), values
+
+    def _between_jumps(self, substeps: int, least: int) -> Iterator[tuple[float, np.ndarray]]:
+        """The step of each leg, in parts of a sample, and the commands of its steps, (N, steps, nu)."""
+        for (begin, first), (end, last) in pairwise(((0.0, 0), *self.jumps, (1.0, self.values.shape[1]))):
             steps = max(int(np.ceil((end - begin) * least - INSTANT)), 1) * (substeps // least)
-            yield _at_step(model, (end - begin) * period / steps), self._means(np.linspace(first, last, steps + 1))
+            yield (end - begin) / steps, self._means(np.linspace(first, last, steps + 1))
 
     def _even(self, steps: int) -> np.ndarray:
         """Of equal steps, (N, steps, nu)."""
@@ -63,10 +72,14 @@ class Commands:
 
     def _means(self, edges: np.ndarray) -> np.ndarray:
         """Between `edges`, numbers of parts, (N, steps, nu)."""
-        total = np.concatenate([np.zeros_like(self.values[:, :1]), np.cumsum(self.values, 1)], 1)
         whole = np.minimum(edges.astype(int), self.values.shape[1] - 1)
-        sums = total[:, whole] + (edges - whole)[:, None] * self.values[:, whole]
+        sums = self._total[:, whole] + (edges - whole)[:, None] * self.values[:, whole]
         return np.diff(sums, axis=1) / np.diff(edges)[:, None]
+
+    @cached_property
+    def _total(self) -> np.ndarray:
+        """Of all parts before each, (N, parts + 1, nu)."""
+        return np.concatenate([np.zeros_like(self.values[:, :1]), np.cumsum(self.values, 1)], 1)
 
 
 def sharp(laws: Sequence[Placed], period: float, parts: int) -> tuple[list[Placed], tuple[tuple[float, int], ...]]:

@@ -98,7 +98,7 @@ def _softer(track: Track, misfit: Callable, late: Way) -> Way:
 
     simplex = begin + np.array([[0.0, 0.0], [-period / 4, 0.0], [0.0, -most / 2]])
     bounds, own = [(0.0, None), (-most, most)], {"initial_simplex": simplex, "maxfev": 25, "xatol": 1e-3, "fatol": 1e-2}
-    return way(minimize(lambda at: misfit(way(at)), begin, method="Nelder-Mead", bounds=bounds, options=own).x)
+    return way(minimize(lambda at: misfit(way(at), FEW), begin, method="Nelder-Mead", bounds=bounds, options=own).x)
 
 
 class _Misfit:
@@ -116,7 +116,7 @@ class _Misfit:
         rows = self.rows[:: max(len(self.rows) // windows, 1)] if windows else self.rows
         still, doubt = np.zeros_like(begun.qvel), np.ones_like(begun.qvel)
         plant = track.plant(placed, track.simulator.theta, begun, still, doubt)
-        models, states, missed = plant.models, begun[rows], []  # half a step late is late, too
+        models, states, missed = plant.plain.models, begun[rows], []
         for ahead in range(self.ahead):
             now = rows + ahead
             states = track.ahead(models, states, plant.ctrl[now], plant.force[now]).after

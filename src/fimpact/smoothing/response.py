@@ -6,7 +6,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fimpact.effects.sites import ON_JOINT
+from fimpact.effects.sites import ON_JOINT, can_touch
 from fimpact.simulation.servo_steps import is_long
 from fimpact.smoothing.commands import Commands
 from fimpact.smoothing.inverse import EDITED, RESTING, Inverse, edits
@@ -70,6 +70,16 @@ class Response:
         """The samples ahead under the plant itself."""
         return self.plant.step(self.states, self.tau)
 
+    @cached_property
+    def _near(self) -> Step:
+        """The same as changes are judged."""
+        plant = self._judged(self.plant)
+        return self.near if plant.model is self.plant.model else plant.step(self.states, self.tau)
+
+    def _judged(self, plant: Plant) -> Plant:
+        """`plant` at the step at which changes are judged: the model's own, but for contact, which has no order."""
+        return plant.plain if can_touch(plant.model) else plant.coarse
+
     def slopes(self, spread: np.ndarray | None = None) -> Slopes:
         """Derivatives by state and missing force: one simulation of all samples for each coordinate, at the model's own
         time step: a derivative hardly feels its error.
@@ -79,7 +89,8 @@ class Response:
                 tangent.
         """
         track, space, plant = self.track, self.track.space, self.plant.coarse
-        near = self.near if plant is self.plant else plant.step(self.states, self.tau)
+        same = plant.model.opt.timestep == self._judged(self.plant).model.opt.timestep
+        near = self._near if same else plant.step(self.states, self.tau)
         n, nv = space.size, track.model.nv
         advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
         tiny = 1e-4 * np.maximum(track.model.dof_M0, 1e-9) / track.period
@@ -114,11 +125,12 @@ class Response:
         held = self._held(plant, told)
         if held is not None:
             return held
-        before, near = self.plant, self.near
+        before, plant = self._judged(self.plant), self._judged(plant)
+        near = self._near
         if told is not None:
             before, plant = (replace(own, ctrl=told) for own in (before, plant))
             near = self._under(told)
-        found = plant.plain.step(self.states, self.tau * heavier(plant.model, before.model))
+        found = plant.step(self.states, self.tau * heavier(plant.model, before.model))
         nothing = self.nothing()
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 
@@ -155,7 +167,7 @@ class Response:
 
     def _under(self, told: Commands) -> Step:
         if self._told is None or self._told[0] is not told:
-            self._told = told, replace(self.plant, ctrl=told).step(self.states, self.tau)
+            self._told = told, replace(self._judged(self.plant), ctrl=told).step(self.states, self.tau)
         return self._told[1]
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import LOUDER, NOTHING, ROUNDS, STILL, TRUST
+from fimpact.deciding import LOUDER, NOTHING, ROUNDS, STILL, TIED, TRUST
 from fimpact.effects.base import Placed
 from fimpact.smoothing.filtering import Filtered, variances
 from fimpact.smoothing.levels import Levels, Pace, first_levels, in_modes, moved_by, nearer
@@ -83,13 +83,15 @@ def smooth(
     progress: Callable[[str], None] = lambda line: None,
     rounds: int = ROUNDS,
     frozen: bool = False,
+    patience: int | None = None,
 ) -> Smoothed:
     """Estimate trajectory, missing force, numbers and noise levels together.
 
     Args:
         begun: states to begin with, (N,). noise: sd of the readings, (ny,). placed: effects that are added; priors: sd
             of their amplitudes. like: an earlier result of the same track to begin with. theta: unknowns to begin with.
-        frozen: the numbers stay as they are.
+        frozen: the numbers stay as they are. patience: rounds that fit worse than an earlier one, after which the fit
+            ends with that one; None: it goes on, and ends with the last.
     """
     theta = theta if theta is not None else track.simulator.theta if like is None else like.theta
     fixed = parameters(track.simulator, theta, placed, priors)
@@ -102,6 +104,7 @@ def smooth(
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
+    best, lost = (np.inf,), 0
     for k in range(rounds + len(anneal)):
         rough = k < len(anneal)
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
@@ -154,8 +157,17 @@ def smooth(
         levels = in_modes(track, states, tau, levels)
         if converged:
             break
+        if k >= len(anneal):
+            loss = found.fit + found.cost
+            lost = lost + 1 if loss > best[0] + TIED else 0
+            best = min(best, (loss, states, tau, doubt, levels, numbers), key=lambda own: own[0])
+        if lost == patience:
+            break
         if change > WORN:
             linear = None
+    if patience and not converged and np.isfinite(best[0]):
+        _, states, tau, doubt, levels, numbers = best
+        fixed, linear, sign = numbers or fixed, None, None
     if not (converged and track.long):
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise, now=levels)
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))

@@ -105,7 +105,7 @@ def solve(
     )
     known = np.isfinite(own.sd)
     prior = occam(numbers, information, int(known.sum()))
-    volume = np.linalg.slogdet(information)[1] if len(information) and np.isfinite(chi2) else 0.0
+    volume = _volume(information) if len(information) and np.isfinite(chi2) else 0.0
     fit, cost = 0.5 * (2 * np.log(own.sd[known]).sum() + chi2), 0.5 * (penalty + volume + prior)
     # Not white noise's infinity: where nothing was read, nothing surprises.
     surprise = np.where(known & track.late, total[:, :, 0] * np.where(known, own.sd, 0.0) - linear.left[:, :, 0], 0.0)
@@ -113,6 +113,14 @@ def solve(
         own, step, change, adjoint[:, :, 0], errors[:, :, 0], surprise, information, dispersion, float(chi2),
         float(fit), float(cost),
     )  # fmt: skip
+
+
+def _volume(information: np.ndarray) -> float:
+    """Logarithm of the determinant; what nothing is known of counts as its diagonal has it."""
+    size = np.maximum(np.diag(information), 1e-300)
+    alike = information / np.sqrt(np.outer(size, size))
+    np.fill_diagonal(alike, 1.0)
+    return float(np.log(size).sum() + np.linalg.slogdet(alike)[1])
 
 
 def normal(

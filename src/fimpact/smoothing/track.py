@@ -58,7 +58,7 @@ class Track:
         self.run_of = np.repeat(np.arange(len(runs)), self.lengths)
         self.steps = 0  # simulated so far
         self._believed: tuple[np.ndarray, tuple] | None = None
-        self._given: tuple[str, Commands] = "", Commands(np.zeros(0))  # as laws last changed them
+        self._given: dict[str, Commands] = {}  # as laws changed them last, and the time before
         self.time = np.concatenate([np.arange(length) * self.period for length in self.lengths])
 
     @cached_property
@@ -128,15 +128,16 @@ class Track:
         if not laws:
             return Commands(self.ctrl)
         key = repr([(law.name, law.values) for law in laws])
-        if self._given[0] != key:
+        if key not in self._given:
             inputs, substeps = self.simulator.commands, self.simulator.substeps
             laws, jumps = sharp(laws, self.period, substeps * PIECES) if self.long else (laws, ())
             whole = self.windows.ctrl[:, : self.lengths.max()]
             given = inputs.pieces(laws, replace(self.windows, ctrl=whole))
             given = given.reshape(len(given), -1, substeps * PIECES, given.shape[2])
             values = given if jumps else given.reshape(*given.shape[:2], substeps, PIECES, -1).mean(3)
-            self._given = key, Commands(self.flat(values), jumps)
-        return self._given[1]
+            last = list(self._given.items())[-1:]
+            self._given = dict([*last, (key, Commands(self.flat(values), jumps))])
+        return self._given[key]
 
     def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force: np.ndarray) -> Step:
         """One sample ahead of each state under `ctrl` and `force` (N, nv).
