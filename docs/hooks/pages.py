@@ -1,5 +1,6 @@
 """Pages that are made when the site is built: effects, the tutorial, and those that stand beside what they explain."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -25,7 +26,7 @@ BESIDE = {  # page of the site -> the file of the repository that it shows
 
 def on_files(files: Files, config) -> Files:
     """Add the pages that are made."""
-    made: dict[str, str | bytes] = {page: (ROOT / source).read_text("utf-8") for page, source in BESIDE.items()}
+    made: dict[str, str | bytes] = {page: _indented(ROOT / source) for page, source in BESIDE.items()}
     made |= effects.pages()
     made |= notebook.page(ROOT / "docs" / "tutorial.ipynb")
     made["examples/from_frames.md"] = _code(ROOT / "docs" / "examples" / "from_frames.py")
@@ -46,6 +47,11 @@ def on_page_markdown(markdown: str, page, config, files: Files) -> str:
 def on_page_content(html: str, page, config, files: Files) -> str:
     """Set formulas as MathML, which browsers show by themselves."""
     return formulas.as_mathml(html)
+
+
+def _indented(path: Path) -> str:
+    """The page, with pictures of a list as far inside as Python's Markdown wants them."""
+    return re.sub(r"^  (?=!\[)", "    ", path.read_text("utf-8"), flags=re.M)
 
 
 def _code(path: Path) -> str:

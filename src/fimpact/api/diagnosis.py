@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from fimpact import recordings
 from fimpact.api.options import chosen_family
+from fimpact.api.pictures import drawn
 from fimpact.diagnosis import pipeline
 from fimpact.diagnosis.remainder import dof_name
 from fimpact.effects.own import load_effects
@@ -22,7 +23,6 @@ from fimpact.experiments.described import next_experiment
 from fimpact.report import write_report
 from fimpact.report_contents import describe_inputs
 from fimpact.report_figures import force, horizon, joints
-from fimpact.report_look import draw
 from fimpact.selection.limits import Limits
 
 COLUMNS = ["effect", "site", "tier", "parameter", "value", "low", "high", "unit", "why_not"]
@@ -117,15 +117,15 @@ class Diagnosis:
         """
         if not self.data["held_out"]["horizons"]:
             raise ValueError("no run was held out, so there is no held-out error; keep one back with held_out")
-        return draw(horizon, self.data["held_out"])
+        return drawn(horizon, self.data["held_out"])
 
     def plot_missing_force(self) -> Figure:
         """The missing force against speed, at the joint that lacks most, and what the found effects make of it."""
-        return draw(force, self.data["picture"], bool(self.data["effects"]))
+        return drawn(force, self.data["picture"], bool(self.data["effects"]))
 
     def plot_joints(self) -> Figure:
         """Missing force of each joint before and after."""
-        return draw(joints, self.data["missing_force"], bool(self.data["effects"]))
+        return drawn(joints, self.data["missing_force"], bool(self.data["effects"]))
 
     def save(self, folder: str | Path) -> Path:
         """Write the page and all that belongs to it, as `fimpact diagnose` does: report.html, diagnosis.json, the

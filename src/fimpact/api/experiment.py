@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 
 from fimpact import recordings
 from fimpact.api.diagnosis import Diagnosis
+from fimpact.api.pictures import drawn
 from fimpact.cases.errors import CaseError
 from fimpact.experiments import described, design
 from fimpact.experiments.figures import commands as drawn_commands
 from fimpact.experiments.resolve import Resolved, remaining, stated
 from fimpact.experiments.resolve import resolve as weigh_anew
-from fimpact.report_look import draw
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Experiment:
 
     def plot(self) -> Figure:
         """The commands over time."""
-        return draw(drawn_commands, self.diagnosis.result, self.result)
+        return drawn(drawn_commands, self.diagnosis.result, self.result)
 
     def save(self, folder: str | Path) -> None:
         """Write experiment.csv and experiment-start.csv to a folder, which is made."""
