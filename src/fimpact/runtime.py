@@ -1,7 +1,7 @@
 """Process-wide settings of JAX, for the half of fimpact that plans experiments; diagnosis does not use JAX.
 
-`fimpact.engine` calls `configure`, and every module that computes with JAX imports that one. `import fimpact` alone
-sets nothing.
+`fimpact.engine` calls `configure`, and every module that computes with JAX imports that one first. `import fimpact`
+alone sets nothing.
 """
 
 import hashlib
