@@ -107,7 +107,8 @@ def test_the_pace_doubles_while_it_goes_the_same_way():
     np.testing.assert_allclose(pace(-up), -up)  # as far as at first, where it has gone too far
 
 
-def test_levels_that_weigh_nothing_do_not_count_as_moving():
-    levels = Levels(np.array([[1.0, 1e-4]]), np.array([1e-4, 1e-4]), np.zeros(3, int), np.ones(1), np.ones(1))
-    assert moved_by(replace(levels, force=np.array([[1.0, 5e-4]])), levels) == 0
-    assert moved_by(replace(levels, force=np.array([[2.0, 5e-4]])), levels) == pytest.approx(np.log(2))
+def test_levels_that_the_likelihood_does_not_feel_do_not_count_as_moving():
+    force, none = np.array([[1.0, 0.5]]), np.zeros(2)
+    levels = Levels(force, none, np.zeros(3, int), np.ones(1), np.ones(1), np.array([[-3.0, 0.5]]))
+    assert moved_by(replace(levels, force=force * [1.0, 3.0]), levels) == 0
+    assert moved_by(replace(levels, force=force * [2.0, 3.0]), levels) == pytest.approx(np.log(2))

@@ -30,7 +30,7 @@ def align(search, late: Sequence[Way]) -> None:
     if not far(search, missing):  # else whole drives are lacking, and softness stands in for them
         fits += [_with(search, way, known) for way in ways if len(way) > 1]
     fits = [fit for fit in fits if fit.converged]
-    fits = [search.pruned(fit, missing, False) for fit in fits]
+    fits = [search.pruned(fit, missing) for fit in fits]
     fits = [fit for fit in fits if fit.converged and fit.loss() < search.naive.loss()]
     search.track.steps = steps  # no other question goes unasked because this one came first
     search.dropped = {own.name for way in late for own in way if own.effect.name in LATE} if fits else set()
@@ -74,10 +74,11 @@ def drive(search) -> None:
         return
     search.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
     best = _alike(search, search.refitted(regression, whole(search, trial, regression)))
-    best = search.pruned(best, search.missing, False)
+    before = {law.name for law in search.current.placed}
+    search.parts = {law.name for law in best.placed} - before
+    best = search.pruned(best, search.missing)
     spread = regression.dispersion
     if best.converged and best.placed and best.loss(spread) < search.current.loss(spread):
-        before = {law.name for law in search.current.placed}
         added = tuple(law for law in best.placed if law.name not in before)
         stays = before <= {law.name for law in best.placed}  # else what stood in its place has gone with it
         search.alternatives = [replace(a, placed=(*a.placed, *added)) for a in search.alternatives if stays]
@@ -86,6 +87,7 @@ def drive(search) -> None:
         search.failed.add(trial.option.name)
     else:
         search.dropped.clear()
+        search.parts.clear()
 
 
 def far(search, missing: np.ndarray) -> bool:

@@ -65,6 +65,7 @@ class Search:
         self.alternatives: list[Alternative] = []
         self.dropped: set[str] = set()
         self.failed: set[str] = set()
+        self.parts: set[str] = set()  # of whole drives
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self.first: tuple[Regression, Round] | None = None
@@ -161,10 +162,10 @@ class Search:
         self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in best.placed}
         return True
 
-    def left(self) -> np.ndarray:
-        """Squared force, (nv,), of which a refinement must take its share: what is left, but no less than what would
-        not have been worth a name at first."""
-        return np.maximum((self.current.tau**2).sum(0), SHARE * self.missing)
+    def left(self, fit: Smoothed | None = None) -> np.ndarray:
+        """Squared force, (nv,), of which a refinement must take its share: what is left beside `fit`, default: what is
+        in, but no less than what would not have been worth a name at first."""
+        return np.maximum(((fit or self.current).tau ** 2).sum(0), SHARE * self.missing)
 
     def exchanged(self, regression: Regression, offered: Sequence[Option]) -> bool:
         """Put in the place of an effect what is likelier, refitted; what is as likely joins the set.
@@ -240,10 +241,20 @@ class Search:
         ]
         return fits[first]
 
-    def pruned(self, fit: Smoothed, missing: np.ndarray, small: bool) -> Smoothed:
-        """The fit without what is worth nothing, one refit for all of it."""
+    def pruned(self, fit: Smoothed, missing: np.ndarray, small: bool = False) -> Smoothed:
+        """The fit without what is worth nothing, one refit for all of it.
+
+        Args:
+            missing: squared force, (nv,), of which each must bear its share. small: what was in before stays.
+        """
+        held = len(self.current.placed) if small else 0
         while fit.converged:
-            kept = [i for i in range(len(fit.placed)) if self._bears(fit, i, missing, small)]
+            regression = Regression(fit, columns(fit, []))
+            parts = [i for i, law in enumerate(fit.placed) if law.name in self.parts and not small]
+            # What a drive's parts bear is counted beside one another: one of them may take nearly all that was missing.
+            bars = {i: (self.left(fit), REFINES) for i in parts}
+            bar = missing, REFINES if small else SHARE
+            kept = [i for i in range(len(fit.placed)) if i < held or _bears(regression, i, *bars.get(i, bar))]
             if len(kept) == len(fit.placed):
                 return fit
             self.dropped |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
@@ -267,15 +278,12 @@ class Search:
                     fit = found
         return fit
 
-    def _bears(self, fit: Smoothed, place: int, missing: np.ndarray, small: bool) -> bool:
-        if small and place < len(self.current.placed):
-            return True
-        regression = Regression(fit, columns(fit, []))
-        own = [
-            (i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)
-        ]
-        found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
-        return any(w.p * len(fit.placed) < P_ALARM and w.share > (REFINES if small else SHARE) / 2 for w in found)
+
+def _bears(regression: Regression, place: int, missing: np.ndarray, floor: float) -> bool:
+    fit = regression.smoothed
+    own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)]
+    found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
+    return any(w.p * len(fit.placed) < P_ALARM and w.share > floor / 2 for w in found)
 
 
 def explain(

@@ -93,7 +93,7 @@ def changes(smoothed: Smoothed, laws: Sequence[Placed], known: Simulated | None 
     known.along(smoothed)
     simulated = [law.effect.enters in ("model", "command") for law in laws]
     for i in [i for i in range(len(laws)) if i not in found]:
-        found[i] = known.change(laws[i], made) if simulated[i] else made(laws[i])
+        found[i] = known.change(laws[i], made, made.rough) if simulated[i] else made(laws[i])
     return [found[i] for i in range(len(laws))]
 
 
@@ -129,6 +129,8 @@ def _whole(track: Track, linear: Linear, with_all: Linear, means: np.ndarray) ->
 class _Maker:
     """What edits of the model, of commands and of readings do beside the plant of a smoothed recording."""
 
+    roughly = False
+
     def __init__(self, smoothed: Smoothed):
         self.smoothed, self.track = smoothed, smoothed.track
         # The trajectory of the last derivatives is as good as the last one for what they decide.
@@ -138,12 +140,20 @@ class _Maker:
         given = self.plant.ctrl
         self.told = replace(given, values=predicted_commands(self.track, given.values, smoothed.tau))
 
+    def rough(self, placed: Placed) -> Change:
+        """Of one effect, as a fit's derivatives are taken."""
+        own = copy.copy(self)
+        own.roughly = True
+        return own(placed)
+
     def __call__(self, placed: Placed) -> Change:
         """Of one effect."""
         if placed.effect.enters == "measurement":
             return self._measurement(placed)
         if placed.effect.enters == "command":
-            return self.response(replace(self.plant, ctrl=self.track.commands((*self.plant.placed, placed))))
+            return self.response(
+                replace(self.plant, ctrl=self.track.commands((*self.plant.placed, placed))), None, self.roughly
+            )
         return self._model(placed)
 
     def _model(self, placed: Placed) -> Change:
@@ -164,7 +174,7 @@ class _Maker:
         if edits(after, before) or (self.track.long and rubbed.any()):
             mujoco.mj_setConst(after, mujoco.MjData(after))
             scaled = not np.array_equal(before.actuator_gainprm, after.actuator_gainprm)
-            change = self.response(replace(self.plant, models=(after,)), self.told if scaled else None)
+            change = self.response(replace(self.plant, models=(after,)), self.told if scaled else None, self.roughly)
         if rubbed.any() and not self.track.long:
             states = self.smoothed.states
             doubt = speed_doubt(self.track, states, self.smoothed.doubt)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import FALL, SWITCH
+from fimpact.deciding import FALL, SWITCH, TIED
 from fimpact.effects.sites import can_touch
 from fimpact.smoothing.laws import touching
 from fimpact.smoothing.states import States
@@ -21,13 +21,15 @@ FLIGHT, STANCE, CHANGE = 0, 1, 2  # contact modes
 @dataclass(frozen=True)
 class Levels:
     """Noise: sd of the missing force by mode, (modes, nv), least (nv,) it may be, and mode of each sample, (N,); sd of
-    the readings, (ny,), and how much louder they are taken while a fit is annealed, (ny,)."""
+    the readings, (ny,), and how much louder they are taken while a fit is annealed, (ny,). pull: derivative of the
+    marginal log likelihood by the logarithm of each force's level, (modes, nv), as they were last moved."""
 
     force: np.ndarray
     least: np.ndarray
     mode: np.ndarray
     reading: np.ndarray
     louder: np.ndarray
+    pull: np.ndarray
 
     @property
     def forces(self) -> np.ndarray:
@@ -67,12 +69,14 @@ def nearer(levels: Levels, begun: Levels, adjoint, errors, expected, noise, pace
     step = np.exp(pace(np.log(np.concatenate([ratio.ravel(), np.where(levels.louder > 1, 1.0, loud)])) / 2))
     sd = np.clip(levels.force * step[: ratio.size].reshape(ratio.shape), begun.force / FALL, begun.force * FALL)
     reading = np.clip(levels.reading * step[ratio.size :], *track.believed(noise))
-    return replace(levels, force=np.maximum(sd, levels.least), reading=reading)
+    more = np.array([asked[r].sum(0) - force[r].sum(0) for r in rows])
+    return replace(levels, force=np.maximum(sd, levels.least), reading=reading, pull=levels.force**2 * more)
 
 
 def moved_by(levels: Levels, begun: Levels) -> float:
-    """By how much levels have moved, in logarithms, of those that weigh anything."""
-    weighty = levels.force > 10 * levels.least
+    """By how much levels have moved, in logarithms, of those whose move the likelihood feels: a force that is nothing
+    goes on shrinking for ever."""
+    weighty = np.abs(levels.pull) > TIED
     return float(np.abs(np.log(levels.force / begun.force))[weighty].max(initial=0.0))
 
 
@@ -82,7 +86,7 @@ def _ratio(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
 
 def first_levels(track: Track, states: States, tau: np.ndarray, noise: np.ndarray) -> Levels:
     sd = np.sqrt(np.mean(tau**2, 0)) + 1e-12
-    levels = Levels(sd[None], LEAST * sd, np.zeros(track.count, int), noise.copy(), np.ones(len(noise)))
+    levels = Levels(sd[None], LEAST * sd, np.zeros(track.count, int), noise.copy(), np.ones(len(noise)), 0 * sd[None])
     return in_modes(track, states, tau, levels)
 
 
@@ -95,8 +99,8 @@ def in_modes(track: Track, states: States, tau: np.ndarray, levels: Levels) -> L
     for rows in track.slices():
         for at in rows.start + 1 + np.flatnonzero(now[rows][1:] != now[rows][:-1]):
             mode[max(at - SWITCH, rows.start) : min(at + SWITCH, rows.stop)] = CHANGE
-    force = levels.force
+    force, pull = levels.force, levels.pull
     if len(force) == 1:
         own = [np.sqrt(np.mean(tau[mode == m] ** 2, 0)) + 1e-12 if (mode == m).any() else force[0] for m in range(3)]
-        force = np.array(own)
-    return replace(levels, mode=mode, force=np.maximum(force, levels.least))
+        force, pull = np.array(own), np.repeat(pull, 3, 0)
+    return replace(levels, mode=mode, force=np.maximum(force, levels.least), pull=pull)

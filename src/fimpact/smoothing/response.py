@@ -63,7 +63,7 @@ class Response:
         self.track = plant.track
         self.long = is_long(plant.model, self.track.period)
         self.inverse = inverse or Inverse(self.track, states)
-        self._told: tuple[Commands, Step] | None = None
+        self._told: tuple[Commands, bool, Step] | None = None
 
     @cached_property
     def near(self) -> Step:
@@ -72,12 +72,13 @@ class Response:
 
     @cached_property
     def _near(self) -> Step:
-        """The same as changes are judged."""
-        plant = self._judged(self.plant)
+        """The same roughly."""
+        plant = self._rough(self.plant)
         return self.near if plant.model is self.plant.model else plant.step(self.states, self.tau)
 
-    def _judged(self, plant: Plant) -> Plant:
-        """`plant` at the step at which changes are judged: the model's own, but for contact, which has no order."""
+    def _rough(self, plant: Plant) -> Plant:
+        """`plant` at the step at which a fit's derivatives are taken: the model's own, but for contact, which has no
+        order. Where a fit ends, they hardly count; what a column says is read off them."""
         return plant.plain if can_touch(plant.model) else plant.coarse
 
     def slopes(self, spread: np.ndarray | None = None) -> Slopes:
@@ -89,7 +90,7 @@ class Response:
                 tangent.
         """
         track, space, plant = self.track, self.track.space, self.plant.coarse
-        same = plant.model.opt.timestep == self._judged(self.plant).model.opt.timestep
+        same = plant.model.opt.timestep == self._rough(self.plant).model.opt.timestep
         near = self._near if same else plant.step(self.states, self.tau)
         n, nv = space.size, track.model.nv
         advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
@@ -116,21 +117,20 @@ class Response:
         sizes = track.space.size, len(track.recording.channels), track.model.nv
         return Change(*(np.zeros((track.count, size)) for size in sizes))
 
-    def __call__(self, plant: Plant, told: Commands | None = None) -> Change:
+    def __call__(self, plant: Plant, told: Commands | None = None, roughly: bool = False) -> Change:
         """What `plant` does more than this response's own.
 
         Args:
-            told: commands under which both are judged; None: each under its own.
+            told: commands under which both are judged; None: each under its own. roughly: at the step of `_rough`.
         """
         held = self._held(plant, told)
         if held is not None:
             return held
-        before, plant = self._judged(self.plant), self._judged(plant)
-        near = self._near
+        near = self._near if roughly else self.near
         if told is not None:
-            before, plant = (replace(own, ctrl=told) for own in (before, plant))
-            near = self._under(told)
-        found = plant.step(self.states, self.tau * heavier(plant.model, before.model))
+            plant, near = replace(plant, ctrl=told), self._under(told, roughly)
+        judged = self._rough(plant) if roughly else plant.plain
+        found = judged.step(self.states, self.tau * heavier(plant.model, self.plant.model))
         nothing = self.nothing()
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 
@@ -165,10 +165,11 @@ class Response:
     def _raw(self) -> Step:
         return self.track.ahead(self.plant.models, self.states, self.plant.ctrl, self.plant.force + self.tau)
 
-    def _under(self, told: Commands) -> Step:
-        if self._told is None or self._told[0] is not told:
-            self._told = told, replace(self._judged(self.plant), ctrl=told).step(self.states, self.tau)
-        return self._told[1]
+    def _under(self, told: Commands, roughly: bool) -> Step:
+        if self._told is None or self._told[0] is not told or self._told[1] != roughly:
+            plant = self._rough(self.plant) if roughly else self.plant
+            self._told = told, roughly, replace(plant, ctrl=told).step(self.states, self.tau)
+        return self._told[2]
 
 
 def heavier(after: mujoco.MjModel, before: mujoco.MjModel) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What laws do where all of them must be simulated: as along an earlier trajectory, and truly where it matters."""
+"""What laws do where all of them must be simulated: roughly at first, and truly where it matters."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,8 +10,8 @@ from fimpact.smoothing.smoother import Smoothed
 class Simulated:
     """What was simulated for columns of one track, where a sample is long and so all edits of the model are.
 
-    What was simulated along an earlier trajectory stands, enough to say what is worth more. `renew` asks for the true
-    ones.
+    At first each is simulated roughly, or stands from an earlier trajectory: enough to say what is worth more. `renew`
+    asks for the true ones.
     """
 
     def __init__(self):
@@ -31,11 +31,13 @@ class Simulated:
         self.wanted = ({_key(law) for law in laws} & set(self.rough)) - set(self.true)
         return bool(self.wanted)
 
-    def change(self, law: Placed, simulate: Callable[[Placed], Change]) -> Change:
+    def change(self, law: Placed, simulate: Callable[[Placed], Change], roughly: Callable[[Placed], Change]) -> Change:
         """What `law` does, as well as it is asked for."""
         key = _key(law)
-        if key in self.wanted or (key not in self.true and key not in self.rough):
+        if key in self.wanted:
             self.true[key] = simulate(law)
+        elif key not in self.true and key not in self.rough:
+            self.rough[key] = roughly(law)
         return self.true.get(key) or self.rough[key]
 
 
