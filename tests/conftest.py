@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # of each worker, before numpy is loaded: there is a worker for each core
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The README's worked example of a case: from its own text to the page, and the effect of one's own."""
+"""The worked example of docs/index.md: from its own text to the page, and the effect of docs/add-effect.md."""
 
 import json
 import re
@@ -11,12 +11,13 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.own import load_effects
 from fimpact.export.callback import SourceBundle
 
-README = (Path(__file__).parents[1] / "README.md").read_text()
+ROOT = Path(__file__).parents[1]
+START = (ROOT / "docs" / "index.md").read_text()
 
 
 def block(marker: str) -> str:
     """The fenced block that follows a marker."""
-    return re.search(re.escape(marker) + r"\n```\w+\n(.*?)```", README, re.S)[1]
+    return re.search(re.escape(marker) + r"\n```\w+\n(.*?)```", START, re.S)[1]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,8 @@ def test_the_example_finds_the_friction_that_it_hides(made):
     assert [list(member) for member in found["members"]] == [["coulomb@shoulder"]]
     (effect,) = found["effects"]
     assert effect["tier"] == "certain" and effect["coefficients"][0]["value"] == pytest.approx(0.03, rel=0.02)
-    assert f"\n{found['verdict']}\n" in README
+    for page in ("README.md", "docs/index.md"):
+        assert f"\n{found['verdict']}\n" in (ROOT / page).read_text()
 
 
 def test_the_example_leaves_a_page_and_a_better_model(made):
@@ -54,8 +56,8 @@ def catalogue():
 
 
 def test_an_effect_of_ones_own_is_a_function_and_a_registry_line(catalogue, tmp_path, capsys):
-    """README's file, as `--effects` takes it; an exported model takes the source of its law along."""
-    text = re.search(r"### Add an effect of your own\n.*?```python\n(.*?)```", README, re.S)[1]
+    """The printed file, as `--effects` takes it; an exported model takes the source of its law along."""
+    text = re.search(r"```python\n(.*?)```", (ROOT / "docs" / "add-effect.md").read_text(), re.S)[1]
     shared = text.replace("(position / 0.05) ** 2", "reach(position)")
     (tmp_path / "magnet.py").write_text("def reach(position):\n    return (position / 0.05) ** 2\n\n\n" + shared)
     assert load_effects(tmp_path / "magnet.py") == ["magnet"]

@@ -113,5 +113,5 @@ def test_the_lists_of_package_files_are_complete(script):
 
 
 @pytest.mark.skipif(not REFERENCE.exists(), reason=f"the recordings' table was not committed yet: {REFERENCE}")
-def test_the_readme_shows_the_committed_table():
-    assert marked(ROOT / "README.md", "recordings") == to_markdown(pd.read_csv(REFERENCE, dtype={"run": str}))
+def test_the_page_shows_the_committed_table():
+    assert marked(ROOT / "docs" / "rigs.md", "recordings") == to_markdown(pd.read_csv(REFERENCE, dtype={"run": str}))

@@ -1,8 +1,11 @@
 """The numerical ground: float64, and a jax that adds up."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from conftest import ROOT
 
 from fimpact import runtime
 
@@ -10,6 +13,13 @@ from fimpact import runtime
 def test_float64_and_no_forbidden_jax():
     assert jnp.zeros(1).dtype == jnp.float64
     assert jax.__version__ != runtime.FORBIDDEN_JAX
+
+
+def test_jax_is_set_up_before_it_is_imported():
+    for path in (ROOT / "src").rglob("*.py"):
+        text = path.read_text()
+        if re.search(r"^import jax\b", text, re.M):
+            assert re.search(r"^(from|import) fimpact\.engine\b.*?^import jax\b", text, re.M | re.S), path.name
 
 
 def test_vmapped_products_are_right_at_16385_rows():

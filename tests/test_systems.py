@@ -3,13 +3,14 @@
 import dataclasses
 import re
 
+from fimpact.engine import mjx
+
 import mujoco
 import numpy as np
 import pytest
 from conftest import CLEAR, TOUCHING
 
 from fimpact import truth
-from fimpact.engine import mjx
 from fimpact.programs import programs
 from fimpact.rollout import _alike, remove_contact, with_parameters
 from fimpact.systems import SYSTEMS, make_system

@@ -1,4 +1,4 @@
-"""The arm of the README with exact Coulomb friction, 0.03 N m, by steps of our own without MuJoCo; two noise levels."""
+"""The arm of docs/index.md with exact Coulomb friction, 0.03 N m, by steps of our own without MuJoCo; two noises."""
 
 from math import sin
 
@@ -54,7 +54,7 @@ def _made(motions: dict[str, tuple[np.ndarray, np.ndarray]], noise: float, rng: 
 
 
 def command(pace: float, phase: float) -> np.ndarray:
-    """Torques (T,), N m, of the README's controller."""
+    """Torques (T,), N m, of the controller in docs/index.md."""
     time = np.arange(SAMPLES) * PERIOD
     return 0.8 * np.sin(2 * pace * time) + 0.5 * np.sin(5 * pace * time + phase)
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 OTHERS = "\n## The rigs here\n"  # from here on the page on keys is about cases of the repository
 FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -40,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a terminal that lacks a letter gets its number
             stream.reconfigure(errors="backslashreplace")
     options = _parser().parse_args(arguments)
+    os.environ.setdefault("MPLBACKEND", "Agg")  # pictures go to files
     try:
         with _ended_as_interrupted(), warnings.catch_warnings():
             warnings.simplefilter("default" if os.environ.get(TRACEBACK) else "ignore")  # of libraries, to programmers
@@ -100,7 +102,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="fimpact", description="Say where a simulation and a recording part, and what is missing.")
     parser.add_argument("--version", action="version", version=f"fimpact {version('fimpact')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
-    data = {"type": Path, "metavar": "ROOT", "help": "folder of the data files, instead of the one the case names"}
+    data: dict[str, Any] = {
+        "type": Path,
+        "metavar": "ROOT",
+        "help": "folder of the data files, instead of the one the case names",
+    }
     check = commands.add_parser("check", help="read and judge a case without running it")
     check.add_argument("case", type=Path, metavar="CASE.yaml")
     check.add_argument("--data", **data)
@@ -197,14 +203,11 @@ def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    from fimpact.cases.errors import one_of
+    from fimpact.api.options import chosen_family
     from fimpact.diagnose_recording import diagnose_recording
-    from fimpact.effects import EFFECTS
     from fimpact.selection.limits import Limits
 
-    families = list(dict.fromkeys(effect.family for effect in EFFECTS.values()))
-    alike = [family for family in families if options.only in family.split()]
-    only = alike[0] if len(alike) == 1 else options.only and one_of(families, options.only, "family", "--only")
+    only = chosen_family(options.only, "--only")
     limits = Limits(options.quick, only, options.budget or math.inf, time.monotonic())
     found, page = diagnose_recording(*_asked(options), limits)
     print(f"page: {page}")
@@ -240,7 +243,9 @@ def _resolve(options: argparse.Namespace) -> None:
         print(f"Left: {said}." if len(left) == 1 else f"These cannot be told apart yet: {said}.")
 
 
-def _asked(options: argparse.Namespace) -> tuple:
+def _asked(
+    options: argparse.Namespace,
+) -> tuple[Path, Path | None, Path, Callable[[str], None], Path | None]:
     """Case, data, folder of the page, progress and effects, as the command line gives them."""
     out = options.out or Path("results") / "recordings" / options.case.stem
     return options.case, options.data, out, _teller(), options.effects

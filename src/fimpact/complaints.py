@@ -2,8 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+from typing import Any
 
 from jsonschema import ValidationError
+
+Complaint = Any  # a ValidationError that was raised: its stubs say of every field that it may be unset
 
 MOST = 1000  # letters of a name, and names, beyond which the nearest takes long to find
 NAMES = {"integer": "a whole number", "number": "a number", "string": "text", "array": "a list", "object": "a table"}
@@ -14,7 +17,7 @@ def most_telling(errors: Iterable[ValidationError]) -> ValidationError | None:
     return min(errors, key=lambda error: (error.validator not in UNKNOWN_KEY, len(error.absolute_path)), default=None)
 
 
-def in_words(error: ValidationError) -> str:
+def in_words(error: Complaint) -> str:
     """One line about `error`."""
     return SPECIAL.get(error.validator, _wrong_value)(error)
 
@@ -30,32 +33,32 @@ def among(allowed: Sequence, got: object) -> str:
     return f"allowed: {', '.join(map(str, allowed))}" + (f"; did you mean '{near[0]}'?" if near else "")
 
 
-def _unknown_key(error: ValidationError) -> str:
+def _unknown_key(error: Complaint) -> str:
     allowed = list(error.schema["properties"])
     key = next(key for key in error.instance if key not in allowed)
     return f"{name([*error.absolute_path, key])} is not a key; {among(allowed, key)}"
 
 
-def _unknown_name(error: ValidationError) -> str:
+def _unknown_name(error: Complaint) -> str:
     return (
         f"{name([*error.absolute_path, error.instance])} is not known; {among(error.validator_value, error.instance)}"
     )
 
 
-def _unknown_value(error: ValidationError) -> str:
+def _unknown_value(error: Complaint) -> str:
     return f"{name(error.absolute_path)} is {error.instance!r}; {among(error.validator_value, error.instance)}"
 
 
-def _missing_key(error: ValidationError) -> str:
+def _missing_key(error: Complaint) -> str:
     key = next(key for key in error.validator_value if key not in error.instance)
     return f"{name([*error.absolute_path, key])} is missing; add it"
 
 
-def _wrong_value(error: ValidationError) -> str:
+def _wrong_value(error: Complaint) -> str:
     return f"{name(error.absolute_path) or 'the file'} is {error.instance!r}; it must be {_wanted(error)}"
 
 
-def _wanted(error: ValidationError) -> str:
+def _wanted(error: Complaint) -> str:
     limit = error.validator_value
     wanted = {
         "type": lambda: NAMES[limit] + _scientific(error.instance),

@@ -1,6 +1,7 @@
 """When does it pay? Error reduction against how often random experiments touch."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -22,7 +23,7 @@ def curve(sweep: pd.DataFrame, trials: pd.DataFrame, stem: Path | str) -> None:
         sweep: trials at several surface positions, as in `sweep.csv`.
         trials: the full campaign, which is marked on the curve as the headline.
     """
-    systems = list(trials.groupby("system", sort=False))
+    systems: list[tuple[Any, pd.DataFrame]] = list(trials.groupby("system", sort=False))
     points = reduction_curve(sweep)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, len(systems), figsize=(WIDTH, 3.3), squeeze=False, sharey=True)
@@ -38,6 +39,7 @@ def curve(sweep: pd.DataFrame, trials: pd.DataFrame, stem: Path | str) -> None:
 def _surfaces(ax: Axes, points: pd.DataFrame) -> None:
     _, colour, line, marker = METHODS[DESIGNED]
     _whiskers(ax, points, color=colour, linestyle=line, marker=marker)
+    point: Any
     for index, point in enumerate(points.itertuples()):
         # In two rows along the bottom, so that neighbours do not run into each other or into a whisker.
         name, row = f"{point.surface:g} m".replace("-", "−"), 0.015 + 0.065 * (index % 2)

@@ -13,11 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
+from fimpact.engine import mjx
+
 import jax
 import numpy as np
 from cmaes import CMA
 
-from fimpact.engine import mjx
 from fimpact.information import CRITERIA
 from fimpact.programs import programs
 from fimpact.rollout import remove_contact

@@ -13,7 +13,7 @@ from tempfile import mkdtemp
 try:
     import fcntl
 except ImportError:  # Windows: nothing is locked there, and nothing of others cleared
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]
 
 PREFIX = ".draft-"
 

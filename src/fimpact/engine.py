@@ -1,7 +1,11 @@
-"""MJX, imported in one place: it prints two lines when its optional Warp backend is absent, in every process."""
+"""MJX, imported in one place once JAX is set up: it prints two lines when its optional Warp backend is absent."""
 
 import io
 from contextlib import redirect_stdout
+
+from fimpact.runtime import configure
+
+configure()
 
 with redirect_stdout(io.StringIO()):
     from mujoco import mjx

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -128,7 +129,7 @@ def _shots(system: System, scenes: dict[str, Scene]) -> Iterator[np.ndarray]:
 
 def _beats(scenes: list[Scene]) -> list[int]:
     # Of the steps that fall to one frame, the one with the strongest force: no impact is missed between frames.
-    force = sum(scene.force for scene in scenes)
+    force = np.sum([scene.force for scene in scenes], axis=0)
     return [int(beat[np.argmax(force[beat])]) for beat in np.array_split(np.arange(len(force)), FRAMES) if len(beat)]
 
 
@@ -138,9 +139,10 @@ def _shoot(figure: Figure, tops, bottoms, scenes: list[Scene], step: int, view: 
         actors.append(draw_bodies(ax, scene, step, to_rgb(BODY), 1.0))
         actors.append(draw_forces(ax, scene, [step], view))
         actors.append(below.axvline(scene.time[step], color="black", linewidth=1))
-    figure.canvas.draw()
+    canvas: Any = figure.canvas  # of Agg
+    canvas.draw()
     figure.set_layout_engine("none")
-    shot = np.asarray(figure.canvas.buffer_rgba())[:, :, :3].copy()
+    shot = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
     for actor in actors:
         actor.remove()
     return shot

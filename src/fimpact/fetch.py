@@ -40,9 +40,9 @@ def read_sources(path: Path | str) -> tuple[Source, ...]:
         rows = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}; correct it") from None
-    error = most_telling(Draft202012Validator(SCHEMA).iter_errors(rows))
-    if error:
-        raise ValueError(f"{path}: {in_words(error)} (each row: {', '.join(ROW)})")
+    wrong = most_telling(Draft202012Validator(SCHEMA).iter_errors(rows))
+    if wrong:
+        raise ValueError(f"{path}: {in_words(wrong)} (each row: {', '.join(ROW)})")
     return tuple(Source(**row) for row in rows)
 
 
@@ -74,7 +74,7 @@ def fetch(source: Source, path: Path | str) -> None:
     try:
         pooch.retrieve(source.url, f"sha256:{source.sha256}", path.name, path.parent, downloader=download)
     except requests.HTTPError as error:
-        answer = f"{error.response.status_code} {error.response.reason}"
+        answer = f"{error.response.status_code} {error.response.reason}" if error.response is not None else "nothing"
         raise ValueError(f"{source.url} answers {answer}; {_instead(path)}") from None
     except requests.RequestException as error:
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"

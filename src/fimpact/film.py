@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -113,13 +114,14 @@ def _shots(diagnosis: Diagnosis, scenes: dict[str, Scene], part: Stretch) -> Ite
         draw_world(ax, scene, view)
         ax.add_patch(Rectangle((0, 0), 1, 1, transform=ax.transAxes, fill=False, edgecolor=FAINT))
     _signals(diagnosis, bottoms, part)
-    figure.canvas.draw()
+    canvas: Any = figure.canvas  # of Agg
+    canvas.draw()
     figure.set_layout_engine("none")
-    still = figure.canvas.copy_from_bbox(figure.bbox)
+    still = canvas.copy_from_bbox(figure.bbox)
     for step in range(len(scenes["recorded"].time)):
-        figure.canvas.restore_region(still)
+        canvas.restore_region(still)
         _act(tops, bottoms, scenes, step, view)
-        yield np.asarray(figure.canvas.buffer_rgba())[:, :, :3].copy()
+        yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
     plt.close(figure)
 
 

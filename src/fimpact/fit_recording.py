@@ -61,6 +61,21 @@ def fit_recording(
     recording = read_case(case, data)
     if effects:
         load_effects(effects)
+    return fit_effects(recording, names, progress, str(case))
+
+
+def fit_effects(
+    recording: Recording, names: Sequence[str], progress: Callable[[str], None], where: str = "the recording"
+) -> Insisted:
+    """Fit the model of a recording with the effects `names`, ``effect@site`` each.
+
+    Args:
+        progress: receives one line at the start of each piece of work. where: how messages name the recording.
+
+    Raises:
+        CaseError: an effect cannot be where it is said to be, or the fit does not converge. ValueError: no effect has
+            such a name.
+    """
     places = _places(recording, names)
     progress("fitting the model as it is")
     prepared = prepare(recording)
@@ -69,7 +84,7 @@ def fit_recording(
     best = fit_forced(prepared, naive, places, progress)
     if not best.converged:
         raise CaseError(
-            f"the fit with {', '.join(names)} does not converge: the training runs of {case} show nothing of it that "
+            f"the fit with {', '.join(names)} does not converge: the training runs of {where} show nothing of it that "
             "the unknowns would not do as well, or it diverges; leave out one of them"
         )
     simulator, hypotheses = prepared.simulator, [Hypothesis(fit.theta, fit.placed) for fit in (naive, best)]

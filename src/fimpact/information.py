@@ -7,11 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from fimpact.engine import mjx
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fimpact.engine import mjx
 from fimpact.rollout import rollout
 from fimpact.systems.base import System
 

@@ -59,7 +59,7 @@ def _joint_sizes(prepared: Prepared) -> dict[tuple[str, str], float]:
     force, speed = _force(prepared), np.sqrt(np.mean(prepared.begun.qvel**2, 0)) + 1e-9
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, inertia)
-    sizes = {}
+    sizes: dict[tuple[str, str], float] = {}
     for joint in (model.joint(i) for i in range(model.njnt)):
         dof = joint.dofadr[0]
         of_joint = (force[dof] / speed[dof], force[dof], inertia[dof, dof])

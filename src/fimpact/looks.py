@@ -1,6 +1,7 @@
 """How every picture looks: colours, type, axes in percent, labels at the end of lines, and stable files."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -17,7 +18,7 @@ METHODS = {
     "best_of_n": ("best of n random", "#009E73", ":", "D"),
     "multisine": ("multisine", "#56B4E9", (0, (1, 1)), "^"),
 }
-STYLE = {
+STYLE: Any = {  # a dict of matplotlib's rcParams
     "font.size": 9,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
@@ -96,5 +97,10 @@ def label_ends(ax: Axes, ends: list[tuple[float, float, str, str]]) -> None:
     height = -np.inf
     for wanted, text, colour in placed:
         height = max(wanted, height + LINE)
-        place = {"xy": (1.0, height), "xycoords": "axes fraction", "xytext": (4, 0), "textcoords": "offset points"}
+        place: dict[str, Any] = {
+            "xy": (1.0, height),
+            "xycoords": "axes fraction",
+            "xytext": (4, 0),
+            "textcoords": "offset points",
+        }
         ax.annotate(text, color=colour, va="center", annotation_clip=False, **place)

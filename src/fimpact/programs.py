@@ -11,6 +11,8 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
+import fimpact.engine  # noqa: F401
+
 import jax
 import jax.numpy as jnp
 import numpy as np

@@ -21,5 +21,5 @@ def replay(system: System, theta: np.ndarray, design: np.ndarray) -> Scene:
         seen = (data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy(), contacts(model, data, axes))
         steps.append((time, *seen, system.read(model, data)))
     time, position, rotation, touches, measurement = zip(*steps, strict=True)
-    arrays = (np.array(part) for part in (time, position, rotation))
-    return Scene(model, axes, *arrays, touches, np.array(measurement), pivots(model, data, axes))
+    when, where, turned = (np.array(part) for part in (time, position, rotation))
+    return Scene(model, axes, when, where, turned, touches, np.array(measurement), pivots(model, data, axes))

@@ -96,7 +96,8 @@ def _export(diagnosis: Diagnosis, folder: Path, runs: Sequence[Run], starts: Seq
 
 def alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """What the recordings cannot tell from the answer: its name, its share of the belief, and how it differs."""
-    total, own = sum(member.weight for member in diagnosis.members), set()
+    total = sum(member.weight for member in diagnosis.members)
+    own: set[str] = set()
     rows = []
     for member in diagnosis.members:
         names = {placed.name for placed in member.hypothesis.placed}

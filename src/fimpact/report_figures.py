@@ -12,7 +12,7 @@ from fimpact.looks import log_ticks, power
 from fimpact.report_look import IMPROVED, INK, NAIVE, QUIET, RIVAL, WIDTH, draw
 
 BARS = 12  # joints shown, those that lacked most
-CURVES = {
+CURVES: dict[str, tuple[str, dict[str, Any]]] = {
     "naive": ("naive fit", {"color": NAIVE, "marker": "s", "linestyle": "--"}),
     "freed": ("everything freed", {"color": RIVAL, "linewidth": 3.5, "alpha": 0.6}),
     "improved": ("improved", {"color": IMPROVED, "marker": "o"}),

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ INK, QUIET, FAINT, PAPER = "#1a1a1a", "#6f6f6f", "#dcdcdc", "#ffffff"
 NAIVE, IMPROVED, RIVAL = "#D55E00", "#0072B2", "#9a9a9a"
 COLOURS = tuple(colour.lower() for colour in (INK, QUIET, FAINT, PAPER, NAIVE, IMPROVED, RIVAL))
 WIDTH = 3.75  # inches: a phone
-LOOK = {
+LOOK: Any = {
     **STYLE,
     "font.size": 8,
     "axes.titlesize": 8.5,

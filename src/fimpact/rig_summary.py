@@ -61,7 +61,9 @@ def _half(row: Mapping[str, Any]) -> str:
 
 
 def _peers(path: Path | str) -> dict[str, dict[str, float]]:
-    table, out = pd.read_csv(path, dtype={"run": str}), {}  # runs may be called 007
+    table = pd.read_csv(path, dtype={"run": str})  # runs may be called 007
+    out: dict[str, dict[str, float]] = {}
+    row: Any
     for row in table[table.peer.isin(list(OF_PEERS))].itertuples():
         out.setdefault(row.run, {})[OF_PEERS[row.peer]] = row.error
     return out

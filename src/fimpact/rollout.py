@@ -2,12 +2,13 @@
 
 from typing import NamedTuple
 
+from fimpact.engine import mjx, smooth, support
+
 import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from fimpact.engine import mjx, smooth, support
 from fimpact.systems.base import System
 
 SEVERAL = [int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)]  # degrees of freedom

@@ -1,6 +1,7 @@
-"""Process-wide settings of JAX; nothing else in fimpact touches environment variables.
+"""Process-wide settings of JAX, for the half of fimpact that plans experiments; diagnosis does not use JAX.
 
-`fimpact/__init__.py` calls `configure` before any module imports jax: XLA reads its environment once.
+`fimpact.engine` calls `configure`, and every module that computes with JAX imports that one first. `import fimpact`
+alone sets nothing.
 """
 
 import hashlib
@@ -21,14 +22,17 @@ def configure() -> None:
     """
     if version("jax") == FORBIDDEN_JAX:
         raise RuntimeError(f"jax {FORBIDDEN_JAX} miscomputes on CPU (jax#39103); install with -c constraints.txt")
-    os.environ.setdefault("NPROC", "1")
-    os.environ.setdefault("MPLBACKEND", "Agg")
+    os.environ.setdefault("NPROC", "1")  # XLA reads it when it makes its first device, not when jax is imported
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     os.environ["JAX_ENABLE_X64"] = "1"
-    if "jax" in sys.modules:  # it has read its environment already
-        sys.modules["jax"].config.update("jax_enable_x64", True)
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder()))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    if "jax" in sys.modules:  # it has read its environment already
+        config = sys.modules["jax"].config
+        config.update("jax_enable_x64", True)
+        config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+        seconds = float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"])
+        config.update("jax_persistent_cache_min_compile_time_secs", seconds)
 
 
 def cache_folder() -> Path:

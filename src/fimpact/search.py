@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from fimpact.engine import mjx
+
 import numpy as np
 from cmaes import CMA
 
-from fimpact.engine import mjx
 from fimpact.programs import programs
 from fimpact.systems.base import System
 from fimpact.truth import Recording

@@ -4,10 +4,10 @@ After a step from x_i to x_{i+1} the data hold positions, mass matrix, bias and 
 and qpos and qvel at x_{i+1}; `velocity` is qvel at x_i.
 """
 
+from fimpact.engine import mjx, support
+
 import jax
 import jax.numpy as jnp
-
-from fimpact.engine import mjx, support
 
 REGULARISER = 1e-9  # m^2; far below J_c J_c' away from a stretched arm, and keeps a stretched one finite
 

@@ -97,7 +97,9 @@ def draw_bodies(ax: Axes, scene: Scene, step: int, tint, alpha: float) -> PolyCo
     shapes = [outline(scene, geom, step) for geom in geoms(scene)]
     edge = (*np.array(tint[:3]) * 0.6, 1.0)
     face = (*tint[:3], alpha)
-    return ax.add_collection(PolyCollection(shapes, facecolor=face, edgecolor=edge, linewidth=0.5))
+    drawn = PolyCollection(shapes, facecolor=face, edgecolor=edge, linewidth=0.5)
+    ax.add_collection(drawn)
+    return drawn
 
 
 def draw_forces(ax: Axes, scene: Scene, steps: Iterable[int], view: View) -> Quiver:

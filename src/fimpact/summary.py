@@ -1,6 +1,7 @@
-"""The tables behind the README: one row per system and method, coverage per parameter, and the reduction curve."""
+"""The tables behind docs/paper.md: one row per system and method, coverage per parameter, and the reduction curve."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -74,6 +75,7 @@ def _methods(trials: pd.DataFrame, diagnostics: pd.DataFrame) -> Iterator[dict]:
     error = final(errors(trials))
     designed = diagnostics[diagnostics["round"] > 0]
     claims = _claims(designed[designed["round"] == trials["round"].max()], trials).groupby("method").claimed.mean()
+    method: Any
     for method, rows in trials.groupby("method", sort=False):
         low, middle, high = error[method].quantile([0.25, 0.5, 0.75])
         yield {"method": method, "seeds": len(error), "final_error": middle, "error_q25": low, "error_q75": high} | (
@@ -126,7 +128,7 @@ COLUMNS = {
 
 
 def to_markdown(summary: pd.DataFrame) -> str:
-    """The README's table, and below it how often `fisher` found contact from a start without."""
+    """The table of docs/paper.md, and below it how often `fisher` found contact from a start without."""
     rows = [list(COLUMNS), ["---"] * len(COLUMNS)]
     rows += [[write(row) for write in COLUMNS.values()] for row in summary.itertuples()]
     table = "\n".join("| " + " | ".join(row) + " |" for row in rows)
@@ -143,6 +145,7 @@ def coverage_to_markdown(table: pd.DataFrame, method: str = DESIGNED) -> str:
     """Coverage of the final 95 % intervals of one method, a line per parameter."""
     lines = ["| system | parameter | covered | median standard error | seeds | withheld |"]
     lines += ["|---|---|---|---|---|---|"]
+    row: Any
     for row in table[table.method == method].itertuples():
         cells = (
             row.system,

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,8 +26,9 @@ def write(table: pd.DataFrame, path: str | Path) -> None:
 
 def write_arrays(arrays: dict[str, np.ndarray], path: str | Path) -> None:
     """Write named arrays as NPZ."""
+    named: Any = arrays
     with replacing(path) as draft:
-        np.savez_compressed(draft, **arrays)
+        np.savez_compressed(draft, **named)
 
 
 def gather(paths: Iterable[str | Path], systems: Sequence[str], methods: Sequence[str]) -> pd.DataFrame:

@@ -12,6 +12,8 @@ from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
+import fimpact.engine  # noqa: F401
+
 import jax
 import numpy as np
 from jax import export

@@ -1,3 +1,4 @@
+import os
 import re
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from fimpact.concealed.settings import check as check_benchmark
 from fimpact.config import check, check_keys
 from fimpact.fetch import find_source, read_sources
 
+os.environ.setdefault("MPLBACKEND", "Agg")  # of every job: pictures go to files
 KNOWN = sorted(path.stem for path in Path("config/recordings").glob("*.yaml") if path.stem != "sources")
 SCHEMAS = Path(workflow.basedir) / "workflow" / "schemas"
 

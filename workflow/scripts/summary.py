@@ -1,4 +1,4 @@
-"""The numbers behind the README: one row per system and method, coverage, and the reduction curve."""
+"""The numbers behind docs/paper.md: one row per system and method, coverage, and the reduction curve."""
 
 from typing import TYPE_CHECKING
 

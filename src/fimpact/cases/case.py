@@ -1,5 +1,6 @@
 """A case file read whole: the one entry point between a user's files and the diagnosis."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from fimpact.cases.compiling import compiled
 from fimpact.cases.errors import CaseError, listed
 from fimpact.cases.load import bases, load
 from fimpact.cases.model import Naive, model_files, read_model
-from fimpact.cases.readers import files_of
+from fimpact.cases.readers import Table, files_of
 from fimpact.cases.runs import Sampled, filtered_noise, held_commands, pieces, sample
 from fimpact.cases.sensors import place_sensors
 from fimpact.cases.sources import file_paths, sources
@@ -37,10 +38,22 @@ def read_case(path: str | Path, data_root: str | Path | None = None) -> Recordin
     """
     path = Path(path)
     case = load(path)
+    return recording_of(case, _root(case, path, data_root))
+
+
+def recording_of(case: dict, root: Path, tables: Mapping[Path, Table] | None = None) -> Recording:
+    """The recording of a case that was loaded.
+
+    Args:
+        root: folder of the data files. tables: of files that need not be read, by path.
+
+    Raises:
+        CaseError: anything wrong, in one line.
+    """
     naive = read_model(Path(case["model"]))
     place_sensors(naive, case["measurements"])
     naive = replace(naive, model=compiled(naive.tree, naive.path))
-    sampled, drives, seen = _sampled(case, naive, _root(case, path, data_root))
+    sampled, drives, seen = _sampled(case, naive, root, tables)
     check_columns(sampled, drives, seen, set(case.get("accept", [])))
     period = _period(case, naive, sampled)
     recording = _recording(case, naive, seen, drives, sampled, period)
@@ -55,16 +68,20 @@ def inputs(path: str | Path, data_root: str | Path | None = None) -> list[Path]:
         CaseError: the case is not valid; whether the files exist is not looked at.
     """
     case = load(Path(path))
-    root = _root(case, Path(path), data_root)
+    return list(dict.fromkeys([*bases(Path(path)), *files_read(case, _root(case, Path(path), data_root))]))
+
+
+def files_read(case: dict, root: Path) -> list[Path]:
+    """Files that a loaded case reads: its MJCF and what that includes, its data; each once."""
     data = [file for run in case["runs"] for path in file_paths(run, root) for file in files_of(path)]
-    return list(dict.fromkeys([*bases(Path(path)), *model_files(Path(case["model"])), *data]))
+    return list(dict.fromkeys([*model_files(Path(case["model"])), *data]))
 
 
 def _root(case: dict, path: Path, data_root: str | Path | None) -> Path:
     return Path(data_root) if data_root is not None else Path(case.get("data", path.parent))
 
 
-def _sampled(case: dict, naive: Naive, root: Path):
+def _sampled(case: dict, naive: Naive, root: Path, tables: Mapping[Path, Table] | None):
     time = case["time"]
     if ("rate" in time) == ("column" in time) or {"rate", "fraction"} <= set(time):
         raise CaseError(
@@ -75,7 +92,7 @@ def _sampled(case: dict, naive: Naive, root: Path):
         raise CaseError("time.unit is missing; declare the unit of the time column, such as s, ms or ns")
     unit = factor(time.get("unit", "s"), "s", "time")
     drives, seen = commands(naive, case.get("commands", {})), channels(naive.model, case["measurements"])
-    runs = sources(case, root)
+    runs = sources(case, root, tables)
     check_sources(runs)
     sampled = [sample(run, time, case.get("nan", "error"), drives, seen, unit) for run in runs]
     check_rows(runs, [*(one.column for one in drives), *(column for one in seen for column in one.columns)])

@@ -104,10 +104,10 @@ def check_recording(recording: Recording, model: mujoco.MjModel, seen: list[Chan
     """
     notes = []
     for check in (_lengths, _same_runs, _noises):
-        for complaint in check(recording):
-            raise CaseError(complaint)
-    for check in (_still, _dead, _weightless, _cutoffs, _ties, _ranges):
-        for kind, complaint in check(recording, model, seen):
+        for line in check(recording):
+            raise CaseError(line)
+    for doubts in (_still, _dead, _weightless, _cutoffs, _ties, _ranges):
+        for kind, complaint in doubts(recording, model, seen):
             if kind:
                 _refuse(kind, complaint, accept)
             else:

@@ -1,6 +1,7 @@
 """A case that is being drafted: its tables, what the user has to fill in, and what was concluded for him to look at."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import yaml
 
@@ -32,7 +33,7 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _asked(dumper: _Dumper, data: Asked) -> yaml.Node:
-    node = dumper.represent_scalar("tag:yaml.org,2002:str", OPEN)
+    node: Any = dumper.represent_scalar("tag:yaml.org,2002:str", OPEN)
     node.label = data.label
     return node
 

@@ -142,8 +142,8 @@ def _bounded(naive: Naive, pool: dict, ats: list) -> list[tuple[np.ndarray, tupl
     out = []
     for at in ats:
         joint = naive.model.joint(pool[at].joint) if pool[at].joint else None
-        limited = joint is not None and naive.model.jnt_limited[joint.id]
-        out.append((pool[at].columns[0].values, tuple(joint.range) if limited else None))
+        limits = tuple(joint.range) if joint is not None and naive.model.jnt_limited[joint.id] else None
+        out.append((pool[at].columns[0].values, limits))
     return out
 
 

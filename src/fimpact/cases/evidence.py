@@ -90,7 +90,7 @@ def alike(commands: dict[str, Moving], positions: dict[str, Moving]) -> tuple[di
     own, other = {}, {}
     for joint in commands.keys() & positions.keys():
         follow = {name: _correlation(commands[joint], position) for name, position in positions.items()}
-        best = max(follow, key=follow.get)
+        best = max(follow, key=follow.__getitem__)
         own[joint] = follow[joint]
         if follow[best] > max(ALIKE, follow[joint] + APART):
             other[joint] = best
@@ -112,7 +112,7 @@ def _of_both(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.corrcoef(one, other)[0, 1]) if len(one) > 2 and np.ptp(one) > 0 and np.ptp(other) > 0 else 0.0
 
 
-def _fits(columns: Sequence[Bounded], scale: float, beyond: float = SLACK) -> bool:
+def _fits(columns: Sequence[tuple[np.ndarray, tuple[float, float]]], scale: float, beyond: float = SLACK) -> bool:
     for values, (low, high) in columns:
         slack = beyond * (high - low)
         if np.nanmin(values) * scale < low - slack or np.nanmax(values) * scale > high + slack:

@@ -14,7 +14,9 @@ from fimpact.cases.ties import DECLARED, MODEL_ERROR, Left, Reading, Tie
 def exchange_ties(log: Log) -> Iterator[Tie]:
     """Whether dynamics balance far better with the numbers of a motor's command and of its joint's angle exchanged."""
     own = next(dynamics_ties(log), None)
-    pairs = list(_pairs(log)) if own else []
+    if own is None:
+        return
+    pairs = list(_pairs(log))
     others = {_reading(log, *pair): next(dynamics_ties(_exchanged(log, *pair))) for pair in pairs}
 
     def left(reading: Reading, group: int) -> Left:

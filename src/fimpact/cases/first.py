@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,8 @@ def _times(table: Table) -> tuple[Column | None, Column | None]:
 
 def _rests(name: str) -> list[str]:
     """Names that the column of fractions has beside one of whole seconds, in ROS 2 and 1."""
-    stem, whole = re.fullmatch("(.*?)(secs?|)", name).groups()
+    found = re.fullmatch("(.*?)(secs?|)", name)
+    stem, whole = found.groups() if found else (name, "")
     return [stem + rest for rest in ("nanosec", "nsecs")] if whole else []
 
 
@@ -127,7 +129,7 @@ def _plain(value: float | str) -> int | float | str:
 
 def _cut(file: str, time: Column | None, first: First) -> list[dict]:
     """The two parts of a log of one run."""
-    cut = OPEN
+    cut: Any = OPEN
     scale = CLOCKS.get(first.case["time"]["unit"])
     if time is None or scale is None:
         first.open.append("runs: stop of the one and start of the other, s after the first sample: about 70 % of it")

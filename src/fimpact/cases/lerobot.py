@@ -41,7 +41,9 @@ def dataset(path: Path) -> Table:
 def _named(column: Column, features: dict) -> Column:
     """The column under the name that its feature gives its entry."""
     entry = re.fullmatch(r"(.+)\[(\d+)\]", column.name)
-    names = _names(features.get(entry[1], {}).get("names")) if entry else []
+    if entry is None:
+        return column
+    names = _names(features.get(entry[1], {}).get("names"))
     if not names or [len(names)] != features[entry[1]].get("shape") or len(set(names)) < len(names):
         return column
     return replace(column, name=f"{entry[1]}.{names[int(entry[2])]}")

@@ -1,9 +1,12 @@
 """The case file itself: YAML, what it extends, and its schema."""
 
+from collections.abc import Mapping
 from functools import cache
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import yaml
 from jsonschema import Draft202012Validator
 
@@ -42,11 +45,37 @@ def load(path: Path) -> dict:
     Raises:
         CaseError: not a file, not YAML, or a key or value that the schema does not allow.
     """
-    case = _read(Path(path), ())
+    return _checked(_read(Path(path), ()), str(path))
+
+
+def load_mapping(case: Mapping, folder: Path) -> dict:
+    """The tables of a case that is written in Python, with relative paths counted from `folder`, as `load` has them.
+
+    Raises:
+        CaseError: a key or value that the schema does not allow.
+    """
+    plain = _plain(case)
+    if _entries(plain) > MOST:
+        raise CaseError(f"the case has more than {MOST} entries; leave out what it does not need")
+    return _checked(_extended(_anchored(plain, folder), folder / "case", ()), "the case")
+
+
+def _plain(value: object) -> Any:
+    """Paths as text, tuples as lists, numbers of NumPy as Python's: what YAML would have given."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(own) for key, own in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(own) for own in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return str(value) if isinstance(value, Path) else value
+
+
+def _checked(case: dict, where: str) -> dict:
     error = most_telling(Draft202012Validator(_schema()).iter_errors(case))
     complaint = in_words(error) if error else _not_finite(case) or _not_printable(case)
     if complaint:
-        raise CaseError(f"{path}: {complaint} (all keys: `fimpact keys`)")
+        raise CaseError(f"{where}: {complaint} (all keys: `fimpact keys`)")
     return case
 
 

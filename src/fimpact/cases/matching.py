@@ -131,7 +131,7 @@ def _control(naive: Naive, actuator: str) -> str:
     unit = ctrl_unit(naive.model, actuator)
     if unit is None and naive.model.actuator(actuator).biastype[0] == kinds.NO_BIAS:
         return "effort" if _joint_of(naive, actuator) else ""
-    return OF_CTRL.get(unit, "")
+    return OF_CTRL.get(unit or "", "")
 
 
 def _joint_of(naive: Naive, actuator: str) -> str:

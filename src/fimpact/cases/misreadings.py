@@ -110,11 +110,12 @@ def _scales(name: str, hinge: bool, limits: tuple[float, float] | None) -> Itera
     else:
         yield f"the unit of '{name}' is wrong by 1000 (mm declared as m)", "units", UNIT, 1e-3, 0.0
         yield f"the unit of '{name}' is wrong by 1000 (m declared as mm)", "units", UNIT, 1e3, 0.0
+    low, high = limits or (0.0, 0.0)
     for least, most in ((-100, 100), (0, 100)) if limits else ():
-        gain = (limits[1] - limits[0]) / (most - least)
+        gain = (high - low) / (most - least)
         cause = f"'{name}' is normalised to {least}..{most} over the joint's range"
         remedy = f"write `unit: percent, gain: {gain:.5g} {'rad' if hinge else 'm'}/percent`"
-        yield cause, "units", remedy, gain, limits[0] - gain * least
+        yield cause, "units", remedy, gain, low - gain * least
     yield f"'{name}' has the wrong sign", "sign", SIGN, -1.0, 0.0
 
 

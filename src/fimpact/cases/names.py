@@ -5,7 +5,7 @@ import re
 from fimpact.cases.readers import Column
 
 OPEN = "?"  # where only the user knows the unit
-UNITS = (
+UNITS: tuple[str, ...] = (
     "deg/s",
     "rad/s",
     "mm/s",

@@ -245,7 +245,8 @@ def _balance(model: mujoco.MjModel, q: np.ndarray, v: np.ndarray, a: np.ndarray,
             found.append(one)
     shapes = [(model.nv,)] * 4 + [(model.nu,)] * 2 + [(model.nu, model.nv)]
     arrays = [np.array([one[k] for one in found]).reshape(len(kept), *shape) for k, shape in enumerate(shapes)]
-    return Balance(*arrays, v[kept], a[kept], rows[kept])
+    inertia, own, weight, moving, bias, gain, arms = arrays
+    return Balance(inertia, own, weight, moving, bias, gain, arms, v[kept], a[kept], rows[kept])
 
 
 def _forces(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.ndarray, a: np.ndarray):

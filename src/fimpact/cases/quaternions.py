@@ -1,6 +1,7 @@
 """Measured orientations: q and -q are one rotation, but neither what lies between them nor their difference is."""
 
 from collections.abc import Iterator
+from typing import TypeGuard
 
 import numpy as np
 
@@ -48,8 +49,9 @@ def whole(seen: list[Series | None], channels: list[Channel], nan: str, where: s
     return out
 
 
-def _same_times(own: list[Series | None]) -> bool:
-    return all(own) and all(np.array_equal(own[0].time, one.time) for one in own)
+def _same_times(own: list[Series | None]) -> TypeGuard[list[Series]]:
+    known = [one for one in own if one]
+    return len(known) == len(own) and all(np.array_equal(known[0].time, one.time) for one in known)
 
 
 def one_sign(seen: list[Series | None], channels: list[Channel]) -> list[Series | None]:

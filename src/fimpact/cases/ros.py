@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,8 +57,8 @@ def bag(path: Path) -> Table:
             "joints' topics alone (`mcap filter`), or convert them to CSV"
         ) from None
     if not topics:
-        said = ", ".join(f"{topic} ({why})" for topic, why in unread.items()) or "nothing"
-        raise CaseError(f"data file {path} has no topic of numbers; it has: {said}; record the joints")
+        others = ", ".join(f"{topic} ({why})" for topic, why in unread.items()) or "nothing"
+        raise CaseError(f"data file {path} has no topic of numbers; it has: {others}; record the joints")
     said = [Column(UNREAD, topic, np.array([why]), np.zeros(1, bool)) for topic, why in unread.items()]
     stamps = _stamps(topics)
     return [*(one for name, topic in topics.items() for one in _columns(name, topic, stamps[name])), *said]
@@ -116,9 +117,9 @@ def _rows(message, path: Path) -> Iterator[tuple[int, dict[str, float]]]:
         yield 0, dict(_numbers(message, "", [], path))
 
 
-def _numbers(message, before: str, names: list[str], path: Path) -> Iterator[tuple[str, float]]:
+def _numbers(message: Any, before: str, names: list[str], path: Path) -> Iterator[tuple[str, float]]:
     """Each number in a message under the path to it; entries of an array by the names that the message has for them."""
-    values = {name: getattr(message, name) for name in _fields(type(message))}
+    values = {name: getattr(message, name) for name in _fields(message.__class__)}
     own = [list(value) for key, value in values.items() if key.endswith(("name", "names")) and _texts(value)]
     names = own[0] if own else names
     for key, value in values.items():

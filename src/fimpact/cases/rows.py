@@ -62,6 +62,7 @@ def doubts(
     name: str, commands: list[Command], told: list[Series], channels: list[Channel], seen: list[Series | None]
 ) -> Iterator[tuple[str, str]]:
     """Kind and line of each doubt about the columns of the run `name`."""
+    columns: list[tuple[str, Command | Channel, Series]]
     columns = [(f"the command of '{one.actuator}'", one, series) for one, series in zip(commands, told, strict=True)]
     components = [channel for channel in channels for _ in channel.columns]
     columns += [(f"'{one.sensor}'", one, series) for one, series in zip(components, seen, strict=True) if series]

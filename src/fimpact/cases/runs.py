@@ -71,12 +71,14 @@ def _refreshed(channels: list[Channel], seen: list[Series | None]):
     for channel in channels:
         place = slice(at, at + len(channel.columns))
         at = place.stop
-        if all(seen[place]) and len({one.time.tobytes() for one in seen[place]}) == 1:
-            out[place], often = refreshed(seen[place])
+        own = [one for one in seen[place] if one]
+        if len(own) == len(channel.columns) and len({one.time.tobytes() for one in own}) == 1:
+            fresh, often = refreshed(own)
+            out[place] = fresh
             if often > 1:
                 notes.append(
                     f"each value of '{channel.sensor}' stands for {often} rows; it counts as read "
-                    f"every {out[place.start].period:.4g} s, in the first of them"
+                    f"every {fresh[0].period:.4g} s, in the first of them"
                 )
     return out, tuple(notes)
 
@@ -235,5 +237,5 @@ def held_commands(run: Sampled, commands: list[Command], low: float, period: flo
 
 def filtered_noise(sampled: list[Sampled], column: int, noise: float, period: float) -> float:
     """The noise of a component after the anti-alias filter."""
-    periods = [run.measured[column].period for run in sampled if run.measured[column]]
+    periods = [own.period for run in sampled if (own := run.measured[column])]
     return noise * noise_factor(period, float(np.median(periods))) if periods else noise

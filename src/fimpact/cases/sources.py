@@ -1,9 +1,10 @@
 """Runs of a case as they stand in their files: rows and columns, before any conversion."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,13 +30,16 @@ class Source:
         return f"run '{self.name}' ({', '.join(file.name for file in self.files)})"
 
 
-def sources(case: dict, root: Path) -> list[Source]:
+def sources(case: dict, root: Path, tables: Mapping[Path, Table] | None = None) -> list[Source]:
     """Every run of a case; globs of arrays and `split` give several for one entry.
+
+    Args:
+        tables: of files that need not be read, by path; None: all are read.
 
     Raises:
         CaseError: a file that cannot be read, a selection without rows, or two runs of one name.
     """
-    files: dict[Path, Table] = {}
+    files: dict[Path, Table] = dict(tables or {})
     out = [run for entry in case["runs"] for run in _entry_sources(entry, root, files)]
     names = [run.name for run in out]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -122,7 +126,7 @@ def _present(column: Column) -> list:
     return [value for value in dict.fromkeys(known) if value == value]
 
 
-def is_number(value: object) -> bool:
+def is_number(value: Any) -> bool:
     """Whether a value, or a text, is a finite number."""
     try:
         return bool(np.isfinite(float(value)))

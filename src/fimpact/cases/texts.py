@@ -79,7 +79,9 @@ def _layout(lines: list[str], path: Path) -> Layout:
     if all(map(_number, names)) and names != [str(index) for index in range(len(names))]:
         names, skipped = _commented(lines[:first], delimiter, names, path), first
         return Layout(delimiter, names, {}, skipped)
-    units = _cells(lines[numbers], delimiter) if numbers is not None else []
+    if numbers is None:
+        return Layout(delimiter, names, {}, skipped)
+    units = _cells(lines[numbers], delimiter)
     following = _cells(lines[told[2]], delimiter) if len(told) > 2 else []
     if len(units) != len(names) or any(map(_number, units)) or not any(map(_number, following)):
         return Layout(delimiter, names, {}, skipped)

@@ -127,7 +127,7 @@ def doubt(tie: Tie) -> tuple[Reading, str] | None:
     if not found:
         return None
     score = {i: _gain(left, reading, runs) for i, (reading, runs) in enumerate(found)}
-    reading, runs = found[max(score, key=score.get)]
+    reading, runs = found[max(score, key=score.__getitem__)]
     return reading, _line(tie, left, reading, runs)
 
 

@@ -12,7 +12,12 @@ from fimpact.cases.errors import CaseError, reason
 
 PREFIXES = {"nano": "1e-9 = n-", "micro": "1e-6 = µ- = u-", "milli": "1e-3 = m-", "centi": "1e-2 = c-"}
 PREFIXES |= {"kilo": "1e3 = k-", "mega": "1e6 = M-"}
-BASES = ("meter = [length] = m", "second = [time] = s", "kilogram = [mass] = kg", "radian = [angle] = rad")
+BASES: tuple[str, ...] = (
+    "meter = [length] = m",
+    "second = [time] = s",
+    "kilogram = [mass] = kg",
+    "radian = [angle] = rad",
+)
 BASES += ("volt = [voltage] = V", "ampere = [current] = A", "count = [counting] = counts")
 BASES += ("percent = [share] = pct",)  # of a range that the log does not know
 DERIVED = (
@@ -96,7 +101,7 @@ def factor(text: str, wanted: str | None, where: str, gain: str | None = None, p
     return float(out.magnitude)
 
 
-def _mismatch(text: str, wanted: str, where: str, value, gain: str | None) -> str:
+def _mismatch(text: str, wanted: str | None, where: str, value, gain: str | None) -> str:
     got = f"{text!r}" + (f" (with its gain {value.units:~})" if gain else "")
     helps = "counts_per_rev" if "count" in str(value.units) else "gain"
     if "percent" in str(value.units):

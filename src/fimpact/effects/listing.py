@@ -30,16 +30,23 @@ def catalogue(places: Places | None = None) -> list[str]:
     return lines
 
 
-def described(effect: Effect, places: Places | None = None) -> list[str]:
-    """Describe an effect: law, numbers, where it can sit, its field in each simulator, and its places in a model."""
+def facts(effect: Effect) -> dict[str, str]:
+    """Name what is known of an effect: law, numbers, where it can sit, and its field in each simulator."""
     fields = fields_of(effect)
     rows = {"law": effect.equation, **{f"coefficient {c.name}": _number(c) for c in effect.coefficients}}
     rows |= {"typical size": effect.prior_source, "kinds of place": _kinds(effect), "reference": effect.reference}
-    rows |= {title: fields[name] for name, title in SIMULATORS.items()}
+    return rows | {title: fields[name] for name, title in SIMULATORS.items()}
+
+
+def described(effect: Effect, places: Places | None = None) -> list[str]:
+    """Describe an effect by its `facts`, and its places in a model."""
+    rows = facts(effect)
     if places:
         rows["in this model"] = _places(places(effect))
     width = max(map(len, rows))
-    turns = any("rad" in c.unit or "N m" in c.unit for c in effect.coefficients) or "angular" in fields["physx"]
+    turns = (
+        any("rad" in c.unit or "N m" in c.unit for c in effect.coefficients) or "angular" in rows[SIMULATORS["physx"]]
+    )
     listed = [_row(title, text, width) for title, text in rows.items() if text]
     return [f"{effect.name} ({effect.family}): {effect.sentence}", *listed, *([SLIDES] if turns else [])]
 

@@ -1,5 +1,7 @@
 """Servos and their firmware: gains, dead bands, coarse targets, a supply that sags, and what firmware adds unseen."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 
@@ -117,7 +119,7 @@ def _change_probes(scales, model, site):
     return [{"change": amounts.SMALL}]
 
 
-GAIN = {
+GAIN: dict[str, Any] = {
     "family": "actuation",
     "reference": SERVO,
     "enters": "model",

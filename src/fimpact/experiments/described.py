@@ -72,7 +72,7 @@ def _coordinates(model: mujoco.MjModel, first: np.ndarray, count: int) -> list[s
     Args:
         first: index of each joint's first coordinate, (njnt,), of positions or of speeds, of which there are `count`.
     """
-    names = []
+    names: list[str] = []
     for joint, start, end in zip(map(model.joint, range(model.njnt)), first, np.append(first[1:], count), strict=True):
         name = joint.name or f"joint {joint.id}"
         names += [name] if end - start == 1 else [f"{name}[{i}]" for i in range(end - start)]

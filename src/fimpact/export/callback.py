@@ -67,7 +67,7 @@ class SourceBundle:
             self.imports.add("import numpy")
             return f"numpy.array({value.tolist()!r})"
         if isinstance(value, np.generic | Enum):
-            value = value.item() if isinstance(value, np.generic) else int(value)
+            value = value.item() if isinstance(value, np.generic) else int(value.value)
         text = repr(value)
         if not _literal(text):
             raise ValueError(f"a law uses {text}, which no Python file can state; allowed: numbers, texts, functions")

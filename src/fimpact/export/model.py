@@ -78,7 +78,7 @@ def write_model(
             differences[numerics] = check_model(recording, hypothesis, Path(tried), predicted)
             if differences[numerics] <= AGREES:
                 break
-    nearest = min(differences, key=differences.get)
+    nearest = min(differences, key=differences.__getitem__)
     if not np.isfinite(differences[nearest]):
         return Exported([], refusal="No model is exported: in plain MuJoCo its simulation diverges.")
     Path(folder).mkdir(parents=True, exist_ok=True)
@@ -111,6 +111,7 @@ def improved_spec(
         put = FIELDS[unknown.field][2][1]
         exporting(lambda model, site, value, put=put: put(model, site, value))(spec, unknown.site, value=value)
     for placed in _in_fields(recording, hypothesis):
+        assert placed.effect.export is not None  # of those that are in fields
         placed.effect.export(spec, placed.site, **placed.values)
     _export_friction(spec, simulator.base, hypothesis)
     _export_contacts(spec, simulator)

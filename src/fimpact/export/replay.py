@@ -3,7 +3,7 @@
 import importlib.util
 import sys
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 from unittest.mock import patch
 
 import mujoco
@@ -40,10 +40,11 @@ def stateful(model: mujoco.MjModel) -> tuple[tuple[int, int], ...]:
     return tuple((i, int(model.actuator_actnum[i])) for i in range(model.nu) if model.actuator_actnum[i])
 
 
-def _module(folder: Path) -> ModuleType:
+def _module(folder: Path) -> Any:
     """The exported callback, or the player without laws, as a module of its own."""
     path = folder / CALLBACK if (folder / CALLBACK).exists() else Path(player.__file__)
     spec = importlib.util.spec_from_file_location("improved", path)
+    assert spec is not None and spec.loader is not None  # of a Python file
     module = importlib.util.module_from_spec(spec)
     # Its dataclasses look for their names there; and no cache is left among the results.
     with patch.dict(sys.modules, improved=module), patch.object(sys, "dont_write_bytecode", True):

@@ -62,14 +62,14 @@ def _tried(
     held = {f"{part}@{law.site}" for law in regression.smoothed.placed for part in law.effect.contains}
     chosen = {n: own for n, own in places.items() if candidates[own[0]].effect.name in suspected and n not in held}
     every = [unknown(n) for n in numbers if n.place < 0]
-    for own in chosen.values():
-        every += of_choices(candidates[own[0]].effect, [candidates[i] for i in own])
+    for rows in chosen.values():
+        every += of_choices(candidates[rows[0]].effect, [candidates[i] for i in rows])
     bench = Bench(regression.smoothed.linear.plant.model)
-    kept = {own.name for own in without_twins(every, bench) if not own.free}
+    kept = {one.name for one in without_twins(every, bench) if not one.free}
     found = {}
-    for name, own in chosen.items():
+    for name, rows in chosen.items():
         if name in kept:
-            effect, usual = candidates[own[0]].effect, of_usual_size(candidates[own[0]].effect, own)
+            effect, usual = candidates[rows[0]].effect, of_usual_size(candidates[rows[0]].effect, rows)
             found[name] = effect.order, list(usual)
     return found
 

@@ -49,7 +49,8 @@ class _Lazy:
     """What an iterator gives, as far as anybody asked."""
 
     def __init__(self, source: Iterator[Advice]):
-        self.source, self.known = source, []
+        self.source = source
+        self.known: list[Advice] = []
 
     def __iter__(self) -> Iterator[Advice]:
         yield from self.known
@@ -271,7 +272,9 @@ class Advisor:
 
     def _weight(self) -> float:
         """Of a known weight, kg: what the body that carries it weighs."""
-        return float(EFFECTS["payload"].prior(self.sight.scales, self.model, self._last())["mass"])
+        prior = EFFECTS["payload"].prior
+        assert prior is not None
+        return float(prior(self.sight.scales, self.model, self._last())["mass"])
 
     def _loaded(self, weight: float) -> mujoco.MjModel:
         own, effect = copy.copy(self.model), EFFECTS["payload"]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from fimpact.identifiability.judging import Asked
 from fimpact.identifiability.motion import Bench, Motion, setter, stacked
 from fimpact.smoothing.candidates import Candidate, at
 from fimpact.smoothing.parameters import Parameter, parameters
+
+Choice = TypeVar("Choice")
 
 
 @dataclass(frozen=True)
@@ -56,10 +59,11 @@ def suspects(catalogue: Iterable[Effect], motion: Motion, scales: Scales) -> lis
 
 def columns(asked: Iterable[Suspect], motion: Motion) -> tuple[list[Asked], np.ndarray]:
     """The suspects that are forces along a motion, and their columns, (N, nv, k), in units of their usual size."""
-    kept, parts = [], []
+    kept: list[Asked] = []
+    parts: list[np.ndarray | None] = []
     for own in asked:
-        made = [_made(maker, motion) for maker, _ in own.makers]
-        if any(force is None or not np.isfinite(force).all() for force in made):
+        made = [force for maker, _ in own.makers if (force := _made(maker, motion)) is not None]
+        if len(made) < len(own.makers) or not all(np.isfinite(force).all() for force in made):
             continue
         places = tuple(range(len(parts), len(parts) + len(made)))
         parts += [force * size for force, (_, size) in zip(made, own.makers, strict=True)]
@@ -71,7 +75,7 @@ def other_sizes(asked: Iterable[Suspect], motion: Motion) -> np.ndarray:
     """Columns, (N, nv, m), of the sizes that are not asked: what is left of a motion must not be what comes later than
     the one size that is."""
     made = [motion.of_effect(own) for suspect in asked for own in suspect.others]
-    parts = [force for force in made if force is not None and np.isfinite(force).all()]
+    parts: list[np.ndarray | None] = [own for own in made if own is not None and np.isfinite(own).all()]
     return stacked(parts, motion.qvel) if parts else np.zeros((*motion.qvel.shape, 0))
 
 
@@ -90,14 +94,14 @@ def of_choices(effect: Effect, choices: Sequence[Candidate]) -> list[Suspect]:
     for own in chosen:
         for k in range(len(own.names)):
             small = 1e-2 if effect.linear else 1.0
-            values = np.zeros(len(own.names))
+            values = [0.0] * len(own.names)
             values[k] = small * own.sd[k]
             makers.append((own.placed(values), 1 / small))
-    others = tuple(own.placed(np.zeros(len(own.names))) for own in choices if own not in chosen)
+    others = tuple(own.placed([0.0] * len(own.names)) for own in choices if own not in chosen)
     return [Suspect(chosen[0].name, effect.order, tuple(makers), others)]
 
 
-def of_usual_size(effect: Effect, choices: Sequence[Candidate]) -> Sequence[Candidate]:
+def of_usual_size(effect: Effect, choices: Sequence[Choice]) -> Sequence[Choice]:
     """All choices of its shapes; of an effect that is not proportional to its size, the middle one."""
     return choices if effect.linear else [choices[len(choices) // 2]]
 

@@ -114,8 +114,8 @@ def _unseen(judged: Judged, known: dict[str, Asked], sight: Sight | None, adviso
             how = (advice.how, bool(advice.joint)) if advice else ("", False)
             rows.setdefault((own.site, _why(own, sight), f"{how} {own.free}"), []).append((own, advice))
     merged: dict[tuple, list[list[tuple[Asked, Advice | None]]]] = {}
-    for (_, why, how), members in rows.items():
-        merged.setdefault((tuple(title(own) for own, _ in members), why, how), []).append(members)
+    for (_, why, shown), members in rows.items():
+        merged.setdefault((tuple(title(own) for own, _ in members), why, shown), []).append(members)
     return [_line(kinds, why, parts) for (kinds, why, _), parts in merged.items()]
 
 

@@ -1,12 +1,13 @@
 """Planar three-link arm in a horizontal plane, near a wall; the sensor is the contact force at its tip."""
 
+from fimpact.engine import mjx
+
 import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
 
 from fimpact import sensors
-from fimpact.engine import mjx
 from fimpact.systems.base import Inputs, Sensor, System, interpolate, parameters, total_contact_force
 
 LINKS = (1, 2, 3)

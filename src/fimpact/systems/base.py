@@ -6,12 +6,12 @@ from functools import cached_property
 from importlib.resources import files
 from typing import Any
 
+from fimpact.engine import mjx
+
 import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-
-from fimpact.engine import mjx
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
 """Planar block thrown onto a mat; the sensor is an accelerometer in its centre."""
 
+from fimpact.engine import mjx
+
 import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
 
 from fimpact import sensors
-from fimpact.engine import mjx
 from fimpact.systems.base import Inputs, Sensor, System, parameters
 
 DEPTH = 0.06  # m, across the plane of motion; known, and without effect on the motion
