@@ -13,6 +13,7 @@ from jsonschema import Draft202012Validator
 from fimpact.complaints import in_words, most_telling, name
 
 MJCF = Path(__file__).parent / "systems"
+PLANAR = ("arm", "block")  # systems with rigid-body terms for contact_implicit, which does not run for others
 NEEDED = ("fisher", "uniform")  # the design that is shown, and the baseline
 
 

@@ -38,7 +38,7 @@ def run_reach(config: dict, system: str, progress: Callable[[str], None]) -> pd.
 
 def _reach(config: dict, system: System, seed: int) -> tuple:
     rho, guess = draw_truth(system, seed)
-    task = _task(config, system, guess, stream(system, seed, "reach"))
+    task = first_task(config, system, guess, stream(system, seed, "reach"))
     start = contact_free(task, np.vstack([task.beliefs, guess, rho]), config["design"]["spread"])
     design = fisher(task, start=start).design
 
@@ -80,7 +80,7 @@ def run_identifiability(config: dict, system: str) -> str:
     """Markdown report: what one designed experiment shows, direction by direction, weakest first."""
     made = make_system(system, config["systems"][system])
     rho = np.ones(len(made.nominal))
-    task = _task(config, made, rho, stream(made, 0, "identifiability"), sure=True)
+    task = first_task(config, made, rho, stream(made, 0, "identifiability"), sure=True)
     chosen = fisher(task).design
     campaign = Campaign(made, task.model, (truth.run(made, made.nominal, chosen, 0.0),), rho, made.settings["prior"])
     report = identifiability(information(campaign, rho), [p.name for p in made.parameters], campaign.prior_sd)
@@ -97,8 +97,11 @@ def run_identifiability(config: dict, system: str) -> str:
     )
 
 
-def _task(config: dict, system: System, rho: np.ndarray, rng: np.random.Generator, sure: bool = False) -> Task:
+def first_task(
+    config: dict, system: System, rho: np.ndarray, rng: np.random.Generator, sure: bool = False
+) -> Task:
+    """The designer's task before the first experiment, for the first guess `rho` (p,); `sure`: of which it is sure."""
     campaign = Campaign(system, system.template, (), rho, system.settings["prior"])
     draws = beliefs(campaign, untried(campaign), config["design"]["draws"], rng)
     believed = rho[None] if sure else draws
-    return Task(system, campaign.model, believed, prior_precision(campaign), 0, 1, config["design"], rng)
+    return Task(system, campaign.model, believed, prior_precision(campaign), 0, 1, config["design"], rng, rho)

@@ -115,7 +115,8 @@ def design_next(
     # A throw follows one multisine from round to round, and draws its phases once.
     rng = stream(system, seed, "design", 0 if method == "multisine" and system.inputs.knots == 1 else round_)
     known = prior_precision(campaign) + gained
-    return METHODS[method](Task(system, campaign.model, believed, known, round_, rounds, budget, rng))
+    estimate = campaign.guess if found.status == FAR else found.rho
+    return METHODS[method](Task(system, campaign.model, believed, known, round_, rounds, budget, rng, estimate))
 
 
 def prior_precision(campaign: Campaign) -> np.ndarray:

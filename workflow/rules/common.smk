@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fimpact.concealed.plan import case_names, compared
 from fimpact.concealed.settings import check as check_benchmark
-from fimpact.config import check, check_keys
+from fimpact.config import PLANAR, check, check_keys
 from fimpact.fetch import find_source, read_sources
 
 KNOWN = sorted(path.stem for path in Path("config/recordings").glob("*.yaml") if path.stem != "sources")
@@ -25,13 +25,17 @@ DATA = config["recordings"]["data"]
 CASES = config["recordings"].get("cases", KNOWN)
 MISSING = [source.file for source in SOURCES if not Path(DATA, source.file).exists()]
 SYSTEMS, METHODS = config["select"]["systems"], config["select"]["methods"]
+PLANNED = [system for system in SYSTEMS if system in PLANAR and "contact_implicit" in METHODS]
 REFERENCE = [f"{name}.csv" for name in "trials diagnostics sweep reach summary".split()]
 REFERENCE += [f"{name}.png" for name in "panels ablation curve".split()]
+REFERENCE += ["plans.csv", "forces.png"] if PLANNED else []
 REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in ("png", "gif")]
 
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
+PLANNING = [f"contact_implicit/{name}" for name in "__init__ bodies plan simulate step transcription".split()]
+TRIAL = [*MODEL, *PLANNING, *"tables drafts truth design search estimate trial".split()]
 EFFECTS = (
     "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing servos sites "
     "structure transmission"
@@ -63,8 +67,10 @@ FORCED += ["diagnosis/proof", "selection/forced", "selection/regression"]
 EXPORT = [f"export/{name}" for name in "callback mjcf model player replay".split()]
 STAGES = {
     "compile": MODEL,
-    "trial": [*MODEL, "tables", "drafts", "truth", "design", "search", "estimate", "trial"],
-    "reach": [*MODEL, "tables", "drafts", "truth", "design", "search", "estimate", "trial", "reach"],
+    "trial": TRIAL,
+    "reach": [*TRIAL, "reach"],
+    "plans": [*TRIAL, "reach", "plans"],
+    "forces": ["__init__", "tables", "drafts", "looks", "forces"],
     "tables": ["tables", "drafts"],
     "summary": ["tables", "drafts", "measures", "summary"],
     "figures": ["tables", "drafts", "measures", "summary", "looks", "curve", "figures"],
@@ -149,7 +155,13 @@ def pieces(table):
         return [path for paths in jobs for path in paths]
     end = "" if table == "trials" else f"-{table}"
     pattern = f"<results>/trials/{{system}}-{{method}}-{{scatteritem}}{end}.csv"
-    return scattered(gather.seeds, seeds, pattern, system=SYSTEMS, method=METHODS)
+    every = [scattered(gather.seeds, seeds, pattern, system=name, method=methods_of(name)) for name in SYSTEMS]
+    return [path for paths in every for path in paths]
+
+
+def methods_of(system):
+    """The methods that run for `system`: those selected, but contact_implicit only where it has rigid-body terms."""
+    return [method for method in METHODS if method != "contact_implicit" or system in PLANAR]
 
 
 def first_designs(system, method):
@@ -162,6 +174,7 @@ def everything():
     """The default target: what can be drawn and, unless the tables are given, what must be simulated."""
     drawn = ["panels.svg", "ablation.svg", "curve.svg", "summary.md"]
     simulated = expand(["example-{system}.gif", "identifiability-{system}.md"], system=SYSTEMS)
+    simulated += ["forces.svg"] if PLANNED else []
     return expand("<results>/{name}", name=drawn if "tables" in config else drawn + simulated)
 
 

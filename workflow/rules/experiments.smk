@@ -77,6 +77,24 @@ rule reach:
         "../scripts/reach.py"
 
 
+rule plans:
+    input:
+        compiled="<results>/compiled/{system}.txt",
+        code=simulation("plans"),
+    output:
+        plans="<results>/plans/{system}.csv",
+        forces="<results>/plans/{system}-forces.csv",
+    log:
+        "<results>/logs/plans/{system}.log",
+    threads: 1
+    params:
+        config=settings("design", "reach"),
+    message:
+        "plans of {wildcards.system}: contact-implicit, from starts without contact"
+    script:
+        "../scripts/plans.py"
+
+
 rule identifiability:
     input:
         compiled="<results>/compiled/{system}.txt",
