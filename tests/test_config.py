@@ -111,8 +111,14 @@ def test_a_system_of_ones_own_is_allowed(paper, models):
     check(merged(paper, override), SCHEMA)
 
 
+def test_contact_is_tightened_and_never_relaxed(paper):
+    with pytest.raises(ValueError, match=r"design\.transcription\.eps is \[0\.1, 0\.1\]; each must be less"):
+        check(merged(paper, {"design": {"transcription": {"eps": [0.1, 0.1]}}}), SCHEMA)
+
+
 def test_the_schema_knows_what_the_package_offers():
     # The schema repeats these names because reading them from the package would import jax at every `snakemake`.
+    from fimpact.contact_implicit.bodies import PLANAR
     from fimpact.design import METHODS
     from fimpact.information import CRITERIA
     from fimpact.systems import SYSTEMS
@@ -121,6 +127,7 @@ def test_the_schema_knows_what_the_package_offers():
     assert set(names["methods"]["items"]["enum"]) == set(METHODS)
     assert set(names["design"]["properties"]["criterion"]["enum"]) == set(CRITERIA)
     assert {path.stem for path in checker.MJCF.glob("*.xml")} == set(SYSTEMS)
+    assert set(checker.PLANAR) == set(PLANAR)
 
 
 def test_numbers_inside_braces_on_the_command_line_are_numbers(paper):

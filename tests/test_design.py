@@ -7,7 +7,7 @@ import pytest
 from conftest import TOUCHING
 
 from fimpact import truth
-from fimpact.design import METHODS, Task, best_of_n, contact_blind, evaluate, fisher
+from fimpact.design import METHODS, Task, best_of_n, contact_blind, evaluate, fisher, transcribe
 from fimpact.estimate import beliefs, untried
 from fimpact.reach import contact_free
 from fimpact.search import Campaign
@@ -22,6 +22,7 @@ BUDGET = {
     "generations": 7,
     "sigma": 0.25,
     "gradients": 2,
+    "transcription": {"intervals": 20, "eps": [0.1, 1e-3], "iterations": 5},
 }
 BELIEFS = np.array([[1.0, 1.0, 1.0], [1.2, 0.9, 1.1]])
 
@@ -116,3 +117,20 @@ def test_where_every_start_touches_there_is_a_word_and_no_endless_search(systems
     near = make_system("block", {**systems["block"].settings, "surface": -0.02})
     with pytest.raises(ValueError, match=r"move systems\.block\.surface away"):
         contact_free(replace(task, system=near, model=near.template), task.beliefs, 16)
+
+
+def test_where_the_estimate_cannot_touch_what_else_is_believed_is_tried(systems):
+    # The estimate is an arm of 0.52 m for a wall at 0.65 m; one of the beliefs is long enough.
+    arm, short = systems["arm"], np.array([1.0, 1.0, 1.0, 0.6, 0.55, 0.58])
+    believed, rng = np.array([[1.0, 1.0, 1.0, 1.2, 1.2, 1.2]]), np.random.default_rng(1)
+    budget = BUDGET | {"transcription": {"intervals": 50, "eps": [1e-2], "iterations": 3}}
+    task = Task(arm, arm.template, believed, np.eye(6) / 0.09, 0, 5, budget, rng, short)
+    plan = transcribe(task, TOUCHING["arm"])
+    assert np.array_equal(plan.rho, believed[0])
+    assert transcribe(replace(task, estimate=believed[0]), TOUCHING["arm"]).iterations < plan.iterations
+
+
+def test_a_system_without_rigid_body_terms_is_told_so(task):
+    own = replace(task.system, name="cart")
+    with pytest.raises(ValueError, match=r"no rigid-body terms of system 'cart', only of arm, block"):
+        METHODS["contact_implicit"](replace(task, system=own))

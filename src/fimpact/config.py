@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import reduce
+from itertools import pairwise
 from math import isfinite
 from operator import getitem
 from pathlib import Path
@@ -81,6 +82,9 @@ def _contradictions(config: dict) -> Iterator[str]:
             yield f"{name(path)} is {number}; it must be a finite number"
     for system, settings in config["systems"].items():
         yield from _system(system, settings)
+    eps = config["design"]["transcription"]["eps"]
+    if any(after >= before for before, after in pairwise(eps)):
+        yield f"design.transcription.eps is {eps}; each must be less than the one before: contact is tightened"
     for table in ("select", "sweep"):
         for needed in NEEDED:
             if needed not in config[table]["methods"]:

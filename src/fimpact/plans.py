@@ -1,7 +1,7 @@
-"""What contact_implicit plans from a start without contact, and how its forces compare with MuJoCo's on the same robot.
+"""What contact_implicit plans from a start without contact, and how its forces compare with MuJoCo's.
 
-The plan believes in rigid contact, MuJoCo's is soft. The same inputs are played on the plan's own robot, so that nothing
-but the contact differs: that is what softness costs.
+The plan believes in rigid contact, MuJoCo's is soft. The same inputs are played on the robot of the plan, so that
+nothing but the contact differs: that is what softness costs.
 """
 
 from collections.abc import Callable
@@ -60,7 +60,7 @@ def _plan(config: dict, system: System, seed: int) -> tuple[tuple, pd.DataFrame]
     touched = int((planned[:, 0] > TOUCH).sum())
     found = (before, touched, steps(plan.rho, plan.design), steps(rho, plan.design))
     told = (int(plan.solved), plan.residual, plan.iterations, plan.information, _played(task, plan))
-    row = (system.name, seed, *found, *told, *_compare(planned, simulated))
+    row = (system.name, seed, *found, *told, *compare(planned, simulated))
     return row, _table(system, seed, plan, planned, simulated)
 
 
@@ -95,7 +95,7 @@ def simulate(system: System, theta: np.ndarray, design: np.ndarray) -> np.ndarra
     return np.array(rows)
 
 
-def _compare(planned: np.ndarray, simulated: np.ndarray) -> tuple[float, float, float]:
+def compare(planned: np.ndarray, simulated: np.ndarray) -> tuple[float, float, float]:
     """Correlation, root mean square difference (N), and ratio of the normal impulses; NaN where one has no contact."""
     off = float(np.sqrt(((planned - simulated) ** 2).mean()))
     if not (planned[:, 0] > TOUCH).any() or not simulated.any():

@@ -97,9 +97,7 @@ def run_identifiability(config: dict, system: str) -> str:
     )
 
 
-def first_task(
-    config: dict, system: System, rho: np.ndarray, rng: np.random.Generator, sure: bool = False
-) -> Task:
+def first_task(config: dict, system: System, rho: np.ndarray, rng: np.random.Generator, sure: bool = False) -> Task:
     """The designer's task before the first experiment, for the first guess `rho` (p,); `sure`: of which it is sure."""
     campaign = Campaign(system, system.template, (), rho, system.settings["prior"])
     draws = beliefs(campaign, untried(campaign), config["design"]["draws"], rng)

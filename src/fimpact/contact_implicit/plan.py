@@ -33,9 +33,19 @@ IPOPT = {
 
 @dataclass(frozen=True)
 class Plan:
-    """The robot rho (p,) it is for, a design (d,), the motion (N, nx + nf) that it is planned to make in steps of `length` s, what each of them
-    measures (N, ny) in the sensor's unit, the planned information's trace, the greatest complementarity product,
-    whether the last stage was solved, what IPOPT said of every stage, and its iterations."""
+    """What one solution says, and how it was found.
+
+    Attributes:
+        rho: the robot it is for, (p,), in relative parameters.
+        design: inputs (d,).
+        after: states, forces and slacks after every step of `length` s, (N, nx + nf).
+        reading: what each step measures, (N, ny), in the sensor's unit.
+        information: trace of the planned Fisher information.
+        residual: greatest complementarity product, N m or N m/s.
+        solved: whether IPOPT converged in the last stage.
+        statuses: what it said of every stage.
+        iterations: its iterations, all stages together.
+    """
 
     rho: np.ndarray
     design: np.ndarray

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy import sparse
 
 from fimpact.contact_implicit.simulate import Motion
 from fimpact.contact_implicit.step import Step
@@ -41,8 +42,7 @@ class Transcription:
         self.step, self.count, self.middle, self.half = step, count, middle, half
         self.designs, self.node = len(middle), (step.states + step.forces) * (1 + step.parameters)
         self.size = self.designs + 1 + count * self.node
-        self._local, self._place = self._locals(), self._places(affine)
-        self.problem, self.options = self._assemble()
+        self.problem, self.options = self._assemble(affine)
 
     def pack(self, design: np.ndarray, motion: Motion) -> np.ndarray:
         """The variables that say `design` and its `motion`."""
@@ -64,101 +64,75 @@ class Transcription:
         """Trace of the Fisher information among the variables."""
         return float(variables[self.designs]) / WORTH
 
-    def _locals(self) -> dict[str, ca.Function]:
-        """Equations (ng,) and information of one step, their Jacobians and Hessian, of its own variables."""
-        s, wide = self.step, self.step.states + self.step.forces
-        own = ca.SX.sym("own", s.states * (1 + s.parameters) + self.node + s.controls)
-        rho, eps = ca.SX.sym("rho", s.parameters), ca.SX.sym("eps")
-        sizes = [s.states, s.states * s.parameters, wide, wide * s.parameters, s.controls]
-        before, carried, after, slope, control = ca.vertsplit(own, np.cumsum([0, *sizes]).tolist())
-        carried, slope = ca.reshape(carried, s.states, -1) * STEEP, ca.reshape(slope, wide, -1) * STEEP
-        every, moved = ca.vertcat(after, before, rho), ca.vertcat(slope, carried, ca.SX.eye(s.parameters))
-        a, b, r = ca.SX.sym("a", wide), ca.SX.sym("b", s.states), ca.SX.sym("r", s.parameters)
-        zero, reading = s.residual(a, b, control, r, eps), s.measure(a, b, r)
-        along = [ca.jtimes(part, ca.vertcat(a, b, r), moved) for part in (zero, reading)]
-        zero, reading, steady, known = ca.substitute(
-            [zero, reading, along[0], along[1]], [ca.vertcat(a, b, r)], [every]
-        )
-        equations, gathered = ca.vertcat(zero, ca.vec(steady) / STEEP), ca.sumsqr(known) * WORTH
-        weight, worth = ca.SX.sym("weight", equations.numel()), ca.SX.sym("worth")
-        curved = ca.triu(ca.hessian(ca.dot(weight, equations) + worth * gathered, own)[0])
-        return {
-            "value": ca.Function("value", [own, rho, eps], [equations, gathered]),
-            "slope": ca.Function(
-                "slope",
-                [own, rho, eps],
-                [equations, gathered, ca.jacobian(equations, own), ca.densify(ca.jacobian(gathered, own))],
-            ),
-            "curve": ca.Function("curve", [own, rho, eps, weight, worth], [curved]),
+    def _assemble(self, affine: Affine) -> tuple[dict, dict]:
+        """The programme for `nlpsol`, and its own Jacobian and Hessian."""
+        local, (place, offset) = _local(self.step), self._places(affine)
+        x, p = ca.MX.sym("x", self.size), ca.MX.sym("p", self.step.parameters + 1)
+        own = ca.reshape(place @ x + offset, -1, self.count)
+        rho, eps = (ca.repmat(part, 1, self.count) for part in (p[:-1], p[-1]))
+        total, unit = x[self.designs], ca.DM.triplet([self.designs], [0], [1.0], self.size, 1)
+        equations, gathered = local["value"].map(self.count)(own, rho, eps)
+        constraints = ca.vertcat(ca.vec(equations), total - ca.sum2(gathered))
+        slopes, gains = local["slope"].map(self.count)(own, rho, eps)
+        slope = ca.vertcat(_blocks(slopes, self.count) @ place, unit.T - ca.vec(gains).T @ place)
+        scale, weights = ca.MX.sym("scale"), ca.MX.sym("weights", constraints.numel())
+        of_steps = ca.reshape(weights[:-1], -1, self.count), ca.repmat(-weights[-1], 1, self.count)
+        curve = place.T @ _blocks(local["curve"].map(self.count)(own, rho, eps, *of_steps), self.count) @ place
+        curve += scale / (total + NONE) ** 2 * unit @ unit.T
+        programme = {"x": x, "p": p, "f": -ca.log(total + NONE), "g": constraints}
+        return programme, {
+            "jac_g": ca.Function("jac_g", [x, p], [constraints, slope]),
+            "hess_lag": ca.Function("hess_lag", [x, p, scale, weights], [ca.triu(curve)]),
         }
 
     def _places(self, affine: Affine) -> tuple[ca.DM, ca.DM]:
-        """Matrix and offset that pick every step's own variables, in one column, out of all variables."""
+        """Matrix and offset that pick every step's own variables, one step after another, out of all variables."""
         s, first = self.step, self.designs + 1
-        state, carried = s.states, s.states * s.parameters
-        wide, rows, cols, values, offset = s.states + s.forces, [], [], [], []
-
-        def pick(row: int, col: int, value: float = 1.0) -> None:
-            rows.append(row), cols.append(col), values.append(value)
-
+        wide, own = s.states + s.forces, s.states * (1 + s.parameters) + self.node + s.controls
+        place = sparse.lil_array((self.count * own, self.size))
+        offset = np.zeros((self.count, own))
+        # Of the node before, the states and their sensitivities, without those of the forces.
+        kept = np.r_[0 : s.states, wide : self.node]
+        kept = kept[(kept - wide) % wide < s.states]
         for k in range(self.count):
-            row, here, back = len(offset), first + k * self.node, first + (k - 1) * self.node
-            offset += [0.0] * (state + carried + self.node + s.controls)
-            for i in range(state):
-                if k:
-                    pick(row + i, back + i)
-                    for j in range(s.parameters):
-                        pick(row + state + j * state + i, back + wide + j * wide + i)
-                else:
-                    offset[row + i] = affine.start[i] + affine.start_slope[i] @ self.middle
-                    for j in np.flatnonzero(affine.start_slope[i]):
-                        pick(row + i, j, affine.start_slope[i, j] * self.half[j])
-            for i in range(self.node):
-                pick(row + state + carried + i, here + i)
-            for i in range(s.controls):
-                at = row + state + carried + self.node + i
-                offset[at] = affine.controls[k, i] + affine.controls_slope[k, i] @ self.middle
-                for j in np.flatnonzero(affine.controls_slope[k, i]):
-                    pick(at, j, affine.controls_slope[k, i, j] * self.half[j])
-        return ca.DM.triplet(rows, cols, values, len(offset), self.size), ca.DM(offset)
-
-    def _assemble(self) -> tuple[dict, dict]:
-        place, offset = self._place
-        x, p = ca.MX.sym("x", self.size), ca.MX.sym("p", self.step.parameters + 1)
-        rho, eps = p[: self.step.parameters], p[-1]
-        own = ca.reshape(place @ x + offset, -1, self.count)
-        every = [ca.repmat(part, 1, self.count) for part in (rho, eps)]
-        total = x[self.designs]
-        f = -ca.log(total + NONE)
-        equations, gathered = self._local["value"].map(self.count)(own, *every)
-        g = ca.vertcat(ca.vec(equations), total - ca.sum2(gathered))
-        equations, gathered, slopes, gains = self._local["slope"].map(self.count)(own, *every)
-        slope = ca.vertcat(
-            _blocks(slopes, self._local["slope"].sparsity_out(2), self.count) @ place,
-            self._unit().T - ca.vec(ca.reshape(gains, -1, self.count)).T @ place,
-        )
-        scale, weights = ca.MX.sym("scale"), ca.MX.sym("weights", g.numel())
-        curves = self._local["curve"].map(self.count)(
-            own, *every, ca.reshape(weights[:-1], -1, self.count), ca.repmat(-weights[-1], 1, self.count)
-        )
-        curve = place.T @ _blocks(curves, self._local["curve"].sparsity_out(0), self.count, True) @ place
-        curve = ca.triu(curve + scale / (total + NONE) ** 2 * self._unit() @ self._unit().T)
-        functions = {
-            "jac_g": ca.Function("jac_g", [x, p], [g, slope]),
-            "hess_lag": ca.Function("hess_lag", [x, p, scale, weights], [curve]),
-        }
-        return {"x": x, "p": p, "f": f, "g": g}, functions
-
-    def _unit(self) -> ca.DM:
-        return ca.DM.triplet([self.designs], [0], [1.0], self.size, 1)
+            row, node = k * own, first + k * self.node
+            if k:
+                place[row + np.arange(len(kept)), node - self.node + kept] = 1
+            here = np.arange(self.node)
+            place[row + len(kept) + here, node + here] = 1
+            place[row + own - s.controls : row + own, : self.designs] = affine.controls_slope[k] * self.half
+            offset[k, own - s.controls :] = affine.controls[k] + affine.controls_slope[k] @ self.middle
+        place[: s.states, : self.designs] = affine.start_slope * self.half
+        offset[0, : s.states] = affine.start + affine.start_slope @ self.middle
+        return ca.DM(sparse.csc_matrix(place)), ca.DM(offset.ravel())
 
 
-def _blocks(mapped: ca.MX, pattern: ca.Sparsity, count: int, symmetric: bool = False) -> ca.MX:
-    """The horizontally mapped matrices of one `pattern` as a block-diagonal matrix; the upper triangle is mirrored."""
-    values = ca.MX(ca.Sparsity.dense(pattern.nnz() * count, 1), _nonzeros(mapped))
-    whole = ca.MX(ca.diagcat(*[pattern] * count), values)
-    return ca.triu2symm(whole) if symmetric else whole
+def _local(step: Step) -> dict[str, ca.Function]:
+    """Equations and information of one step, their Jacobians and the Lagrangian's Hessian, of its own variables.
+
+    Those are the states before and their sensitivities, the node after it, and the controls.
+    """
+    wide = step.states + step.forces
+    sizes = [step.states, step.states * step.parameters, wide, wide * step.parameters, step.controls]
+    own, rho, eps = ca.SX.sym("own", sum(sizes)), ca.SX.sym("rho", step.parameters), ca.SX.sym("eps")
+    before, carried, after, slope, control = ca.vertsplit(own, np.cumsum([0, *sizes]).tolist())
+    carried, slope = (ca.reshape(part, -1, step.parameters) * STEEP for part in (carried, slope))
+    equations = step.residual(after, before, control, rho, eps)
+    # Total derivatives in rho: what the step ends in and what it begins with move, and so does rho itself.
+    moving, ways = ca.vertcat(after, before, rho), ca.vertcat(slope, carried, ca.SX.eye(step.parameters))
+    steady = ca.jtimes(equations, moving, ways)
+    gathered = ca.sumsqr(ca.jtimes(step.measure(after, before, rho), moving, ways)) * WORTH
+    equations = ca.vertcat(equations, ca.vec(steady) / STEEP)
+    weight, worth = ca.SX.sym("weight", equations.numel()), ca.SX.sym("worth")
+    curve = ca.hessian(ca.dot(weight, equations) + worth * gathered, own)[0]
+    slopes = [ca.jacobian(equations, own), ca.densify(ca.gradient(gathered, own))]
+    return {
+        "value": ca.Function("value", [own, rho, eps], [equations, gathered]),
+        "slope": ca.Function("slope", [own, rho, eps], slopes),
+        "curve": ca.Function("curve", [own, rho, eps, weight, worth], [curve]),
+    }
 
 
-def _nonzeros(matrix: ca.MX) -> ca.MX:
-    return matrix.nz[:]
+def _blocks(mapped: ca.MX, count: int) -> ca.MX:
+    """Matrices side by side, as `map` returns them, as one block-diagonal matrix."""
+    return ca.diagcat(*ca.horzsplit(mapped, mapped.shape[1] // count))
