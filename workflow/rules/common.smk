@@ -34,7 +34,7 @@ REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in (
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
-PLANNING = [f"contact_implicit/{name}" for name in "__init__ bodies plan simulate step transcription".split()]
+PLANNING = [f"contact_implicit/{name}" for name in "bodies plan simulate step transcription".split()]
 TRIAL = [*MODEL, *PLANNING, *"tables drafts truth design search estimate trial".split()]
 EFFECTS = (
     "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing servos sites "

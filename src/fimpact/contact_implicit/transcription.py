@@ -18,6 +18,7 @@ from fimpact.contact_implicit.step import Step
 
 WORTH = 1e-4  # information is carried in units of 1 / WORTH: contact gives some 1e4 to 1e8
 NONE = 1e-4  # keeps the logarithm finite: one unit of information
+SHORT = {"cse": True}  # what an expression computes twice it computes once
 STEEP = 100.0  # sensitivities are carried in units of STEEP, by which they exceed what they are derivatives of
 
 
@@ -128,8 +129,8 @@ def _local(step: Step) -> dict[str, ca.Function]:
     slopes = [ca.jacobian(equations, own), ca.densify(ca.gradient(gathered, own))]
     return {
         "value": ca.Function("value", [own, rho, eps], [equations, gathered]),
-        "slope": ca.Function("slope", [own, rho, eps], slopes),
-        "curve": ca.Function("curve", [own, rho, eps, weight, worth], [curve]),
+        "slope": ca.Function("slope", [own, rho, eps], slopes, SHORT),
+        "curve": ca.Function("curve", [own, rho, eps, weight, worth], [curve], SHORT),
     }
 
 
