@@ -123,7 +123,7 @@ def test_where_the_estimate_cannot_touch_what_else_is_believed_is_tried(systems)
     # The estimate is an arm of 0.52 m for a wall at 0.65 m; one of the beliefs is long enough.
     arm, short = systems["arm"], np.array([1.0, 1.0, 1.0, 0.6, 0.55, 0.58])
     believed, rng = np.array([[1.0, 1.0, 1.0, 1.2, 1.2, 1.2]]), np.random.default_rng(1)
-    budget = BUDGET | {"transcription": {"intervals": 50, "eps": [1e-2], "iterations": 3}}
+    budget = BUDGET | {"transcription": {"intervals": 50, "eps": [1e-4], "iterations": 3}}
     task = Task(arm, arm.template, believed, np.eye(6) / 0.09, 0, 5, budget, rng, short)
     plan = transcribe(task, TOUCHING["arm"])
     assert np.array_equal(plan.rho, believed[0])
