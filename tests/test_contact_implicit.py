@@ -87,7 +87,7 @@ def test_without_contact_the_motion_is_mujocos(system, exact):
 @pytest.mark.parametrize("eps", [1e-1, 1e-4])
 def test_contact_is_complementary_within_its_cone(system, exact, eps):
     motion = exact.simulate(TOUCHING[system.name], robot(system), eps)
-    _, products = exact.judge(TOUCHING[system.name], motion.after, robot(system))
+    products = exact.products(TOUCHING[system.name], motion.after, robot(system))
     assert motion.solved and np.allclose(products, eps, rtol=1e-3)
     normal, ahead, back, slack = np.split(motion.after[:, 6:], 4, axis=1)
     assert min(part.min() for part in (normal, ahead, back, slack)) > 0
@@ -172,5 +172,5 @@ def test_a_stage_that_ran_out_gathers_no_less_than_its_start(system):
     made = planner(system, 50)
     plan = made.plan(rho, start, [1e-2], 2)
     assert not plan.solved
-    assert plan.information >= made.simulate(start, rho, 1e-2).information - 1e-6
+    assert plan.information >= made.simulate(start, rho, 1e-2).information
     assert plan.residual == pytest.approx(1e-2, rel=1e-3)

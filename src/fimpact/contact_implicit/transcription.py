@@ -56,11 +56,6 @@ class Transcription:
         """The design among the variables."""
         return self.middle + self.half * np.clip(variables[: self.designs], -1, 1)
 
-    def after(self, variables: np.ndarray) -> np.ndarray:
-        """States and forces after every step, (N, nx + nf)."""
-        nodes = variables[self.designs + 1 :].reshape(self.count, self.node)
-        return nodes[:, : self.step.states + self.step.forces]
-
     def information(self, variables: np.ndarray) -> float:
         """Trace of the Fisher information among the variables."""
         return float(variables[self.designs]) / WORTH
