@@ -76,7 +76,7 @@ def test_the_first_plan_that_touches_is_drawn_around_its_contact(monkeypatch):
     forces.draw(*synthetic.plans()[::-1], "unused")
     normal, tangential = drawn[0].axes[:2]
     assert normal.get_title("left") == "Arm, seed 1: correlation 0.70"
-    assert tangential.get_title("left") == "MuJoCo's normal impulse is 1.10 of the planned one"
+    assert tangential.get_title("left") == "MuJoCo's impulse: 1.10 of the plan's"
     assert 0.2 < normal.get_xlim()[0] < 0.305 < 0.345 < normal.get_xlim()[1] < 0.45
     plt.close("all")
 

@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from fimpact.looks import METHODS, STYLE, WIDTH, write
 
@@ -45,7 +46,7 @@ def _row(row: np.ndarray, forces: pd.DataFrame, plan: pd.Series) -> None:
     alike = "no contact to compare" if np.isnan(plan.correlation) else f"correlation {plan.correlation:.2f}"
     row[0].set_title(TEXT.format(name=plan.system.capitalize(), seed=plan.seed, said=alike))
     if not np.isnan(plan.impulse_ratio):
-        row[1].set_title(f"MuJoCo's normal impulse is {plan.impulse_ratio:.2f} of the planned one")
+        row[1].set_title(f"MuJoCo's impulse: {plan.impulse_ratio:.2f} of the plan's")
 
 
 def _panel(ax: Axes, part: pd.DataFrame) -> None:
@@ -53,6 +54,7 @@ def _panel(ax: Axes, part: pd.DataFrame) -> None:
     step = {"where": "mid", "linewidth": 1.4}
     ax.step(part.time, part.planned, color=colour, label="λ, planned: rigid", **step)
     ax.step(part.time, part.simulated, color="black", linestyle="--", label="MuJoCo, played: soft", **step)
+    ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_xlabel("time / s")
 
 
@@ -64,4 +66,4 @@ def _span(forces: pd.DataFrame) -> tuple[float, float]:
         return float(forces.time.min()), float(forces.time.max())
     step = forces.time.drop_duplicates().diff().min()
     room = AROUND * (seen.max() - seen.min()) + 2 * step
-    return float(seen.min() - room), float(seen.max() + room)
+    return float(seen.min() - room), float(min(seen.max() + room, forces.time.max() + step / 2))
