@@ -22,7 +22,8 @@ from fimpact.selection.options import options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import search
 from fimpact.simulation.simulator import Hypothesis
-from fimpact.smoothing.columns import candidates, columns, motion_scales
+from fimpact.smoothing.candidates import candidates
+from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.smoother import Smoothed, smooth
 

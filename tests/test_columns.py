@@ -9,7 +9,8 @@ from recorded import arm, rod
 
 from fimpact.effects import EFFECTS
 from fimpact.selection.regression import Regression
-from fimpact.smoothing.columns import SMALL, at, changes, columns, motion_scales
+from fimpact.smoothing.candidates import at
+from fimpact.smoothing.columns import SMALL, changes, columns, motion_scales
 from fimpact.smoothing.filtering import swept
 from fimpact.smoothing.linear import linearise
 from fimpact.smoothing.prepare import prepare
@@ -106,7 +107,8 @@ def test_the_column_of_a_gain_is_the_torque_that_the_model_needs():
 
 def test_what_a_limit_would_not_have_let_happen_has_no_column():
     smoothed = naive(0.15)
-    offered = at(EFFECTS["saturation"], "motor", smoothed.track.model, motion_scales(smoothed))
+    scales = motion_scales(smoothed)
+    offered = at(EFFECTS["saturation"], "motor", smoothed.track.model, replace(scales, needed=0.5 * scales.needed))
     limits = [own.shapes["limit"] for own in offered]
     needed = np.quantile(np.abs(smoothed.track.ctrl[:, 0, 0] + smoothed.tau[:, 0]), 0.99)
     kept = {limits[owner] for owner, _ in columns(smoothed, offered).owners}

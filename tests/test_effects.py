@@ -120,7 +120,9 @@ def scales(name):
     force, speed, travel, command, mass, length = SCALES["arm" if name == "servo" else name]
     measured = np.full(len(RIGS[name].channels), 0.5)
     middle = np.zeros_like(travel)
-    return Scales(force, speed, travel, middle, command, command, measured, mass, length, 9.81, PERIOD, 1.0)
+    return Scales(
+        force, speed, travel, middle, command, command, 0 * command, measured, mass, length, 9.81, PERIOD, 1.0
+    )
 
 
 def play(rig, model, ctrl, push=None, limit=None, gear=None):

@@ -11,7 +11,8 @@ from fimpact.selection.exchange import exchanges
 from fimpact.selection.forward import Search
 from fimpact.selection.options import options
 from fimpact.selection.regression import Regression
-from fimpact.smoothing.columns import at, columns
+from fimpact.smoothing.candidates import at
+from fimpact.smoothing.columns import columns
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fimpact.recordings import Recording, Run
-from fimpact.simulation.nonsmooth import is_long
+from fimpact.simulation.servo_steps import is_long
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.inverse import Inverse
 from fimpact.smoothing.states import States

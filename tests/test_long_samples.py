@@ -9,13 +9,22 @@ import pytest
 from recorded import record, waves
 
 from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
 from fimpact.recordings import Recording
+from fimpact.selection.drives import align, drive, far
+from fimpact.selection.exchange import Alternative
 from fimpact.selection.forward import Search
-from fimpact.smoothing.columns import candidates, columns, motion_scales, units
-from fimpact.smoothing.lateness import by_samples, lateness
+from fimpact.selection.options import Option
+from fimpact.selection.regression import Regression
+from fimpact.selection.search import search
+from fimpact.simulation.starts import believed_noise, noise_level
+from fimpact.smoothing.candidates import candidates
+from fimpact.smoothing.columns import columns, motion_scales, units
+from fimpact.smoothing.lateness import lateness
 from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.response import Response
 from fimpact.smoothing.simulated import Simulated
-from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.smoother import Smoothed, inverse_of_push, smooth
 
 PERIOD = 0.02
 XML = """<mujoco><option timestep="0.002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
@@ -38,11 +47,25 @@ def followed(late: int = 0, friction: float = 0.0, kp: float = 300.0, noise: flo
 @pytest.mark.parametrize(("late", "named"), [(0, ()), (3, ("command_delay", "actuator_lag"))])
 def test_how_late_a_servo_is_shows_before_all_else(late, named):
     made = prepare(followed(late))
-    assert {own.effect.name for own in made.late} <= set(named) and bool(made.late) == bool(named)
+    assert {way[0].effect.name for way in made.late} <= set(named) and bool(made.late) == bool(named)
     if named:
-        found = next(own for own in made.late if own.effect.name == "command_delay")
+        found = next(way[0] for way in made.late if way[0].effect.name == "command_delay")
         assert found.values["delay"] == pytest.approx(late * PERIOD, abs=PERIOD / 4)
-        assert by_samples(found, PERIOD).values["delay"] == pytest.approx(late * PERIOD)
+
+
+def test_how_soft_a_late_servo_is_shows_with_it():
+    """A gain that is 40 % less than the model's looks like a few milliseconds more of delay."""
+    soft = followed(3, kp=180.0)
+    made = prepare(replace(soft, xml=soft.xml.replace('kp="180.0"', 'kp="300"')))
+    delay, gain = next(way for way in made.late if len(way) > 1 and way[0].effect.name == "command_delay")
+    assert delay.values["delay"] == pytest.approx(3 * PERIOD, abs=2e-3)
+    assert gain.effect.name == "servo_kp" and gain.values["change"] == pytest.approx(-0.4, abs=0.15)
+    search = Search(made.track, made.begun, made.noise, list(EFFECTS.values()), lambda line: None)
+    align(search, made.late)
+    found = {law.effect.name: law.values for law in search.current.placed}
+    assert set(found) == {"command_delay", "servo_kp"}
+    assert found["command_delay"]["delay"] == pytest.approx(0.06, abs=1e-3)
+    assert found["servo_kp"]["change"] == pytest.approx(-0.4, abs=0.05)
 
 
 def test_what_is_lacking_of_a_drive_is_no_lag():
@@ -133,13 +156,72 @@ def test_where_little_is_missing_and_another_does_far_more_the_compound_is_decli
     heavy = followed()
     naive = heavy.xml.replace('mass="0.3"', 'mass="0.1"').replace('damping="0.3"', 'damping="0.28"')
     search = search_of(replace(heavy, xml=naive))
-    search.drive()
-    assert not search.far and search.failed == {"geared drive"} and not search.current.placed
+    drive(search)
+    assert not far(search, search.missing) and search.failed == {"geared drive"} and not search.current.placed
 
 
 def test_where_much_is_missing_the_compound_is_refitted_whatever_its_columns_say():
-    drive = followed(kp=30.0)
-    light = drive.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
-    search = search_of(replace(drive, xml=light))
-    search.drive()
-    assert search.far and {"viscous@pivot", "rotor_inertia@pivot"} <= {law.name for law in search.current.placed}
+    heavy = followed(kp=30.0)
+    light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(heavy, xml=light))
+    drive(search)
+    assert far(search, search.missing) and {"viscous@pivot", "rotor_inertia@pivot"} <= {
+        law.name for law in search.current.placed
+    }
+
+
+def test_what_a_force_does_to_a_joint_that_sticks_is_judged_over_as_much_as_may_be_missing():
+    own, fit = made()
+    target, weight = own.track.ctrl[:, 0], 0.3 * 9.81 * 0.1
+    rest = replace(fit.states, qpos=target + weight * np.cos(target) / 300, qvel=np.zeros_like(fit.states.qvel))
+    still = np.zeros_like(rest.qvel)
+    plant = own.track.plant((), fit.theta, rest, still, np.ones_like(still))
+    plant = replace(plant, ctrl=replace(plant.ctrl, values=own.track.ctrl))
+    tangent, wide = (Response(plant, rest, still).slopes(spread).advance[:-1, 0, 2] for spread in (None, np.ones(1)))
+    assert np.median(np.abs(tangent)) < 0.1 * np.median(np.abs(wide))
+
+
+def test_a_joint_that_sticks_is_given_no_force_that_would_move_it():
+    own, fit = made()
+    advance = fit.linear.advance.copy()
+    advance[5, :, 2] = 1e-6 * np.median(advance[:, :, 2], 0)
+    push = inverse_of_push(own.track, replace(fit.linear, advance=advance))
+    assert not push[5].any() and push[4].any()
+
+
+@pytest.mark.parametrize(("noise", "quantum", "known"), [(0.0, 6e-3, True), (2e-3, 1.5e-3, False)])
+def test_the_noise_of_an_encoder_that_only_rounds_is_its_quantums(noise, quantum, known):
+    own = followed(noise=1e-9)
+    read = own.runs[0].measured + noise * np.random.default_rng(0).standard_normal(own.runs[0].measured.shape)
+    runs = (replace(own.runs[0], measured=np.round(read / quantum) * quantum),)
+    own = replace(own, runs=runs, noise=np.full(1, np.nan))
+    level = noise_level(own)
+    low, high = believed_noise(own, level)
+    assert (low[0] == high[0]) == known and low[0] >= 0.99 * quantum / np.sqrt(12)
+    assert level[0] == pytest.approx(quantum / np.sqrt(12) if known else noise, rel=0.5)
+
+
+def test_the_share_of_what_a_stiff_servo_hides_is_that_of_its_own_force():
+    """Of a force that changes its sign, a smoother whose noise is large sees little; of what it does, all counts."""
+    own, fit = made()
+    (viscous,) = candidates([EFFECTS["viscous"]], own.track, motion_scales(fit))
+    tried = [replace(viscous, positive=(False,))]
+    regression = Regression(fit, columns(fit, tried))
+    missing = 1e3 * (tried[0].sd[0] * fit.states.qvel).var(0) * own.track.count
+    (trial,) = search(regression, [Option("viscous", 0, (0,))], missing, 0.0).tried
+    size = trial.estimate.values[-1] ** 2 / 1e3
+    assert trial.share == pytest.approx(size, rel=0.5)
+
+
+def test_what_stood_in_the_place_of_a_delay_goes_with_it():
+    """Drives that lack nearly all look late; once they are in, neither delay nor lag is."""
+    heavy = followed(kp=30.0)
+    light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(heavy, xml=light))
+    late = Placed(EFFECTS["command_delay"], "servo", {"delay": 0.03})
+    search.current = smooth(search.track, search.begun, search.noise, (late,), ({"delay": 0.05},))
+    search.alternatives = [Alternative((late,), search.current.theta, 0.5)]
+    drive(search)
+    assert {"viscous@pivot", "rotor_inertia@pivot"} <= {law.name for law in search.current.placed}
+    gone = "command_delay@servo" not in {law.name for law in search.current.placed}
+    assert bool(search.alternatives) != gone

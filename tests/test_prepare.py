@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from recorded import ROD, record, waves
 
+import fimpact.smoothing.track as tracks
 from fimpact.effects.sites import can_touch, contacts
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
@@ -129,3 +130,20 @@ def test_what_touches_nothing_is_smoothed_apart_and_proved_with_all_that_may_tou
     assert made.track.simulator.apart == apart and not made.simulator.apart
     assert can_touch(made.track.model) != apart and can_touch(made.simulator.base)
     assert bool(contacts(made.track.model)) != apart
+
+
+@pytest.mark.parametrize(
+    ("errors", "asked", "ends"), [((64, 32), 2, FINEST), ((64, 4, 0.5), 3, FINEST), ((0.5,), 1, FINER)]
+)
+def test_where_no_step_in_between_can_be_fine_enough_for_contact_the_finest_is_taken_at_once(
+    monkeypatch, errors, asked, ends
+):
+    """What halves with the step has more than a noise left at the finest; what falls faster is followed."""
+    given = iter(errors)
+    calls = []
+    monkeypatch.setattr(tracks, "_error", lambda *parts: calls.append(parts) or next(given))
+    starts = [([0, 0, 0.2, 1, 0, 0, 0], [0.3, 0, 0, 0, 0, 0])]
+    seen = tuple(f"place[{i}]" for i in range(3))
+    made = prepare(record(BALL, seen, [np.zeros((30, 0))], 5e-4, starts=starts, fine=5))
+    assert len(calls) == asked
+    assert made.track.simulator.refine * made.track.finer == ends

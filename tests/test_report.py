@@ -13,6 +13,7 @@ from diagnosed import nothing, rubbing, undecided
 from fimpact import report, report_contents
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
+from fimpact.identifiability.wording import Told
 from fimpact.report import check_folder, write_report
 from fimpact.report_contents import describe_inputs, to_text
 from fimpact.report_numbers import estimate, pair, short
@@ -215,3 +216,14 @@ def test_inputs_are_named_by_their_hash(tmp_path):
     (tmp_path / "later" / "log.csv").write_bytes(b"1")
     found = describe_inputs([tmp_path / "log.csv", tmp_path / "later" / "log.csv"])
     assert len(set(found["inputs"].values())) == 2
+
+
+def test_the_page_says_what_the_recordings_cannot_show(diagnosis, tmp_path, quick):
+    unseen = Told("unseen", ("coulomb@wrist",), "Coulomb friction at wrist (it never moves)", "Move wrist alone.")
+    said = replace(diagnosis, unshown=(unseen,))
+    page = write_report(said, tmp_path / "page", provenance={}, again="my.yaml --out page").read_text(encoding="utf-8")
+    assert "What these recordings cannot show" in page
+    assert "Coulomb friction at wrist (it never moves)." in page
+    assert "fimpact diagnose my.yaml --out page" in page
+    told = json.loads((tmp_path / "page" / "diagnosis.json").read_text(encoding="utf-8"))["cannot_show"]
+    assert told == [{"kind": "unseen", "names": ["coulomb@wrist"], "what": unseen.what, "motion": unseen.motion}]

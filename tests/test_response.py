@@ -104,7 +104,7 @@ def test_what_a_sensor_reads_otherwise_is_no_force():
 def test_commands_that_are_changed_are_simulated():
     before = plant()
     own = Response(before, response().states, response().tau)
-    found = own(replace(before, ctrl=before.ctrl + 0.1))
+    found = own(replace(before, ctrl=replace(before.ctrl, values=before.ctrl.values + 0.1)))
     assert found.after.any() and not found.force.any()
 
 

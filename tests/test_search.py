@@ -10,11 +10,13 @@ from recorded import rod
 from fimpact.deciding import BELIEF, SHARE, TYPICAL
 from fimpact.effects import EFFECTS
 from fimpact.selection import forward
+from fimpact.selection.drives import whole
 from fimpact.selection.forward import Search, explain
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression
 from fimpact.selection.search import Trial, attempt, search
-from fimpact.smoothing.columns import Candidate, Columns
+from fimpact.smoothing.candidates import Candidate
+from fimpact.smoothing.columns import Columns
 from fimpact.smoothing.prepare import prepare
 
 COUNT, LENGTH = 1000, 25  # samples, and samples in a stretch
@@ -114,8 +116,8 @@ def test_what_added_nothing_to_a_class_is_dropped_from_it():
 # ---- compounds
 
 
-def whole(coupled: bool, option: Option, kept: dict[int, float]) -> Trial:
-    """`Search.whole` of a trial in which these columns were kept, after one number of the fit."""
+def made_whole(coupled: bool, option: Option, kept: dict[int, float]) -> Trial:
+    """`whole` of a trial in which these columns were kept, after one number of the fit."""
     members = [candidate("coulomb", "a", 2.0), candidate("coulomb", "b", 8.0), candidate("viscous", "a", 0.1)]
     members.append(candidate("viscous", "other", 0.05))
     columns = SimpleNamespace(candidates=members, owners=tuple((i, 0) for i in range(len(members))))
@@ -123,14 +125,14 @@ def whole(coupled: bool, option: Option, kept: dict[int, float]) -> Trial:
     trial = Trial(option, estimate, 0.0, 1.0, 0.1, 1.0, 0, np.zeros(1))
     state = object.__new__(Search)
     state.coupled = coupled
-    return state.whole(trial, SimpleNamespace(p=1, columns=columns))
+    return whole(state, trial, SimpleNamespace(p=1, columns=columns))
 
 
 DRIVES = Option("geared drive", 0, (0, 1, 2), True)
 
 
 def test_a_compound_begins_with_all_of_its_members_where_one_alone_goes_wrong():
-    begun = whole(True, DRIVES, {0: 0.3, 1: 0.9}).estimate
+    begun = made_whole(True, DRIVES, {0: 0.3, 1: 0.9}).estimate
     values = dict(zip(begun.kept, begun.values, strict=True))
     assert values[0] == 0.3  # the number of the fit
     assert values[1] == 0.9  # what the regression says, where that is more
@@ -140,14 +142,14 @@ def test_a_compound_begins_with_all_of_its_members_where_one_alone_goes_wrong():
 
 
 def test_a_member_that_is_less_than_typical_begins_there():
-    begun = whole(True, DRIVES, {0: 0.3, 1: 1e-3, 2: 2.0}).estimate
+    begun = made_whole(True, DRIVES, {0: 0.3, 1: 1e-3, 2: 2.0}).estimate
     values = dict(zip(begun.kept, begun.values, strict=True))
     assert values[1] == pytest.approx(TYPICAL) and values[2] == 2.0
 
 
 @pytest.mark.parametrize(("coupled", "option"), [(False, DRIVES), (True, replace(DRIVES, compound=False))])
 def test_what_goes_wrong_nowhere_or_is_one_kind_begins_where_the_regression_has_it(coupled, option):
-    begun = whole(coupled, option, {0: 0.3, 1: 0.9}).estimate
+    begun = made_whole(coupled, option, {0: 0.3, 1: 0.9}).estimate
     assert begun.kept == (0, 1)
 
 

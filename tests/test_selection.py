@@ -13,7 +13,8 @@ from fimpact.recordings import Recording, Unknown
 from fimpact.selection.forward import Explanation, explain
 from fimpact.selection.options import options
 from fimpact.selection.regression import Estimate, Regression
-from fimpact.smoothing.columns import at, columns, motion_scales
+from fimpact.smoothing.candidates import at
+from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 

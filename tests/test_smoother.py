@@ -12,7 +12,8 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
 from fimpact.selection.regression import Regression
-from fimpact.smoothing.columns import at, columns, motion_scales
+from fimpact.smoothing.candidates import at
+from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.levels import CHANGE, FLIGHT, STANCE
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.response import heavier

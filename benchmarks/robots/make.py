@@ -1,10 +1,11 @@
 """Write concealed cases of robots as their owners have them, from models that are not committed.
 
-python benchmarks/robots/make.py ROBOTS OUT --seed N [--only so101_friction,so101_servo,ur5e]
+python benchmarks/robots/make.py ROBOTS OUT --seed N [--only so101_friction,so101_servo,ur5e,go2]
 
 ROBOTS is a folder with so101/, ur5e/ and go2/ (MuJoCo Menagerie and SO-ARM100). Each case is a folder: logs as the
 robot's recorder writes them, of which the last is held out, case.yaml, and truth.json, for whoever marks the answers.
-The naive model of the SO-101 is its own file, unaltered; that of the UR5e is its file without what joints have.
+The naive model of the SO-101 is its own file, unaltered; those of the UR5e
+and of the Go2 are their files without what joints have.
 """
 
 import argparse
@@ -20,6 +21,9 @@ import yaml
 sys.path.insert(0, str(Path(__file__).parents[1] / "rigs"))
 from exact import make_exact, simulate
 from folder import multisine
+from walker import case_of as case_of_walker
+from walker import record as record_walker
+from walker import truth_of as truth_of_walker
 
 COUNTS = 4096  # of the bus servos' encoders, per turn
 SAMPLES = {"so101": 600, "ur5e": 1250}
@@ -65,6 +69,7 @@ def ur5e(robots: Path, rng: np.random.Generator) -> tuple:
 
 
 CASES = {made.__name__: made for made in (so101_friction, so101_servo, ur5e)}
+WALKER = "go2"
 
 
 def hold(model: mujoco.MjModel, body: str, mass: float, at: np.ndarray) -> None:
@@ -175,6 +180,24 @@ def write(name: str, robots: Path, out: Path, seed: int) -> None:
     (out / "truth.json").write_text(json.dumps(effects, indent=1) + "\n")
 
 
+def write_walker(robots: Path, out: Path, seed: int) -> None:
+    """The Go2 in a new folder: with the motion capture of its trunk, and without it (`case-imu.yaml`)."""
+    rng = np.random.default_rng([seed, len(CASES)])
+    path = robots / "go2" / "go2.xml"
+    truth, effects = truth_of_walker(path, rng)
+    out.mkdir(parents=True)
+    (out / "model.xml").write_text(stripped(path))
+    for run in RUNS:
+        pd.DataFrame(record_walker(truth, rng)).to_csv(out / f"{run}.csv", index=False, float_format="%.9g")
+    for name, tracked in {"case": True, "case-imu": False}.items():
+        runs = [{"file": f"{run}.csv"} for run in RUNS]
+        runs[-1]["held_out"] = True
+        table = {"model": "model.xml", "time": {"column": "time_s", "unit": "s"}, "runs": runs}
+        table |= case_of_walker(truth, tracked)
+        (out / f"{name}.yaml").write_text(yaml.safe_dump(table, sort_keys=False))
+    (out / "truth.json").write_text(json.dumps(effects, indent=1) + "\n")
+
+
 def case_of(robot: str, model: str, truth: mujoco.MjModel, joints: list[str]) -> dict:
     """The case file as an owner writes it."""
     hobby = robot == "so101"
@@ -200,13 +223,16 @@ def main() -> None:
     parser.add_argument("robots", type=Path, metavar="ROBOTS")
     parser.add_argument("out", type=Path, metavar="OUT")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", default=",".join(CASES))
+    parser.add_argument("--only", default=",".join([*CASES, WALKER]))
     options = parser.parse_args()
     wanted = options.only.split(",")
-    if unknown := set(wanted) - set(CASES):
-        raise SystemExit(f"no robot is called {', '.join(sorted(unknown))}; there are {', '.join(CASES)}")
+    if unknown := set(wanted) - {*CASES, WALKER}:
+        raise SystemExit(f"no robot is called {', '.join(sorted(unknown))}; there are {', '.join([*CASES, WALKER])}")
     for name in wanted:
-        write(name, options.robots.resolve(), options.out / name, options.seed)
+        if name == WALKER:
+            write_walker(options.robots.resolve(), options.out / name, options.seed)
+        else:
+            write(name, options.robots.resolve(), options.out / name, options.seed)
         print(options.out / name / "case.yaml", flush=True)
 
 

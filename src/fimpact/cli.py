@@ -151,14 +151,17 @@ def _seconds(text: str) -> float:
 
 def _check(options: argparse.Namespace) -> None:
     from fimpact.cases import read_case
+    from fimpact.identifiability.checked import shown_by_motions
 
     recording = read_case(options.case, options.data)
+    shown = shown_by_motions(recording)
     both = (recording.training, recording.held_out)
     spans = [f"{len(runs)} runs, {sum(len(r.measured) for r in runs) * recording.period:.4g} s" for runs in both]
     print(f"{options.case}: good. To fit: {spans[0]}; held out: {spans[1]}")
     print(f"every {recording.period:.6g} s: {', '.join(recording.channels)}")
     print(f"unknown: {', '.join(one.name for one in recording.unknowns) or 'nothing but the initial states'}")
     print("".join(f"note: {note}\n" for note in recording.notes), end="")
+    print("\n".join(shown))
 
 
 def _init(options: argparse.Namespace) -> None:

@@ -60,7 +60,13 @@ def _diagnosed(case, data, folder, progress, effects, limits) -> tuple[Diagnosis
         progress("designing the experiment that tells the names apart")
     experiment = next_experiment(found)
     progress("writing the page")
-    page = write_report(found, folder, experiment, provenance=provenance)
+    again = _again(case, data, effects)
+    page = write_report(found, folder, experiment, provenance=provenance, again=again)
     timing = {"seconds": seconds, "seconds_with_page": time.perf_counter() - begun}
     write_text(json.dumps(timing, indent=1) + "\n", page.parent / TIMING)
     return found, page
+
+
+def _again(case, data, effects) -> str:
+    """What the command line needs for the same case once more; not the folder: a page is the same wherever it lies."""
+    return f"{case}" + (f" --data {data}" if data else "") + (f" --effects {effects}" if effects else "")

@@ -22,6 +22,7 @@ from fimpact.experiments.design import Experiment
 from fimpact.experiments.figures import commands
 from fimpact.export.mjcf import ASSETS
 from fimpact.export.replay import CALLBACK, XML
+from fimpact.identifiability.wording import HEADINGS
 from fimpact.report_contents import DATA, FIGURES, TIMING, contents, to_text
 from fimpact.report_figures import pictures
 from fimpact.report_look import draw, inline, store
@@ -32,7 +33,12 @@ OURS = {PAGE, DATA, FIGURES, XML, CALLBACK, ASSETS, COMMANDS, START, TIMING}
 
 
 def write_report(
-    diagnosis: Diagnosis, folder: Path | str, experiment: Experiment | None = None, *, provenance: Mapping[str, Any]
+    diagnosis: Diagnosis,
+    folder: Path | str,
+    experiment: Experiment | None = None,
+    *,
+    provenance: Mapping[str, Any],
+    again: str = "case.yaml",
 ) -> Path:
     """Write the page, `diagnosis.json`, the figures, the improved model and the next experiment to `folder`, all or
     nothing.
@@ -41,6 +47,7 @@ def write_report(
         folder: made, or replaced if it holds nothing but an earlier report.
         experiment: what would tell the answer's members apart, if there are several.
         provenance: groups of named values, such as "inputs" (file -> sha256), "versions" and "seeds".
+        again: what the command line was given, so that the page can say what to run next.
 
     Returns:
         Path of the page.
@@ -50,7 +57,7 @@ def write_report(
     """
     folder = Path(folder).resolve()
     with reserved(folder) as building:
-        _fill(diagnosis, building, experiment, provenance)
+        _fill(diagnosis, building, experiment, provenance, again)
         building.chmod(0o755)
         _swap(building, folder)
     return folder / PAGE
@@ -105,7 +112,9 @@ def _swap(building: Path, folder: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _fill(diagnosis: Diagnosis, folder: Path, experiment: Experiment | None, provenance: Mapping[str, Any]) -> None:
+def _fill(
+    diagnosis: Diagnosis, folder: Path, experiment: Experiment | None, provenance: Mapping[str, Any], again: str
+) -> None:
     content = contents(diagnosis, folder, provenance)
     drawn = pictures(content)
     content["experiment"] = described(diagnosis, experiment) if experiment else None
@@ -120,7 +129,7 @@ def _fill(diagnosis: Diagnosis, folder: Path, experiment: Experiment | None, pro
         plt.close(figure)
     if content["film"]["file"]:
         images["film"] = _embedded(folder / content["film"]["file"])
-    (folder / PAGE).write_text(_page(diagnosis, content, images), encoding="utf-8")
+    (folder / PAGE).write_text(_page(diagnosis, content, images, again), encoding="utf-8")
 
 
 def _embedded(path: Path) -> str:
@@ -128,7 +137,7 @@ def _embedded(path: Path) -> str:
     return f'<img alt="Recorded, naive and improved motion side by side" src="data:image/gif;base64,{code}">'
 
 
-def _page(diagnosis: Diagnosis, content: Mapping[str, Any], images: Mapping[str, str]) -> str:
+def _page(diagnosis: Diagnosis, content: Mapping[str, Any], images: Mapping[str, str], again: str) -> str:
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
@@ -142,6 +151,8 @@ def _page(diagnosis: Diagnosis, content: Mapping[str, Any], images: Mapping[str,
         laws=list({row["effect"]: row for row in content["effects"]}.values()),
         fields=_fields(content["effects"]),
         simulators=SIMULATORS,
+        unshown={kind: heading[:1].upper() + heading[1:] for kind, heading in HEADINGS.items()},
+        again=again,
         runs=(len(recording.training), len(recording.held_out)),
         tried=len(diagnosis.explanation.rounds[0].tried) if diagnosis.explanation.rounds else 0,
     )

@@ -50,19 +50,24 @@ CASE = (
     "sources start texts ties timebase units"
 )
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
-FORWARD = "added_forces horizon inputs model_pool nonsmooth simulator starts windows".split()
+FORWARD = "added_forces horizon inputs model_pool nonsmooth servo_steps simulator starts windows".split()
 SMOOTHER = (
-    "filtering inverse kalman lateness laws levels linear parameters prepare response rubbing smoother states step "
-    "stretches track"
+    "commands filtering inverse kalman lateness laws levels linear parameters prepare response rubbing smoother states "
+    "step stretches track"
 ).split()
 PROOF = ["quiet", "deciding", "recordings", "units", "visuals", "diagnosis/freed", "diagnosis/proof"]
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
 PROOF += [f"effects/{name}" for name in EFFECTS.split() if name != "classes"]
-FINDING = [*PROOF, "smoothing/columns", "smoothing/simulated", "effects/classes"]
-FINDING += [f"selection/{name}" for name in "begin exchange forward leftover limits options regression search".split()]
+FINDING = [*PROOF, "smoothing/candidates", "smoothing/columns", "smoothing/simulated", "effects/classes"]
+FINDING += [
+    f"selection/{name}" for name in "begin drives exchange forward leftover limits options regression search".split()
+]
+SEEING = "diagnosed judging motion motions sight suspects wording".split()
+FINDING += [f"identifiability/{name}" for name in SEEING]
 FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
 DESIGNING = [f"experiments/{name}" for name in "described design limits separation".split()]
-FORCED = [name for name in FINDING if not name.startswith(("diagnosis", "selection")) and name != "effects/classes"]
+APART = ("diagnosis", "selection", "identifiability", "effects/classes")
+FORCED = [name for name in FINDING if not name.startswith(APART)]
 FORCED += ["diagnosis/proof", "selection/forced", "selection/regression"]
 EXPORT = [f"export/{name}" for name in "callback mjcf model player replay".split()]
 STAGES = {

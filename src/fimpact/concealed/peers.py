@@ -22,7 +22,8 @@ from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
 from fimpact.selection.regression import Regression
 from fimpact.simulation.simulator import Hypothesis
-from fimpact.smoothing.columns import candidates, columns, motion_scales
+from fimpact.smoothing.candidates import candidates
+from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.smoother import Smoothed, smooth
 

@@ -1,7 +1,7 @@
 """All stages in their order: from a recording to a diagnosis that can be written down."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ from fimpact.diagnosis.remainder import missing_rows, picture, remainder
 from fimpact.diagnosis.wording import verdict
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.identifiability.diagnosed import not_shown
+from fimpact.identifiability.wording import Told
 from fimpact.recordings import Recording
 from fimpact.selection.forward import Explanation, explain
 from fimpact.selection.limits import Limits
@@ -37,7 +39,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What every stage found; `verdict` says it in a few short sentences."""
+    """What every stage found; `verdict` says it in a few short sentences, `unshown` what no stage could find."""
 
     recording: Recording
     prepared: Prepared
@@ -52,6 +54,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     answer: str
     verdict: str
+    unshown: tuple[Told, ...] = ()
 
     @property
     def simulator(self) -> Simulator:
@@ -80,7 +83,7 @@ def diagnose(
     Args:
         progress: receives one line at the start of each piece of work.
         brief: proves at the case's own horizon only and without the freed model, and leaves out the missing force of
-            held-out runs: what no answer depends on.
+            held-out runs, and what the recordings cannot show: what no answer depends on.
         limits: of what is asked for; None: of all.
     """
     progress("preparing the recordings")
@@ -103,15 +106,18 @@ def diagnose(
     members = _members(found, answer)
     missing = answer != NONE
     words = verdict(effects, [m.name for m in members[1:]], missing, left["sentence"] if missing else "", notes)
+    rivals = {p.name for own in (found.final, *found.alternatives) for p in own.placed}
+    unshown = () if brief or found.asked is None else not_shown(recording, found.asked(), rivals)
     return Diagnosis(
-        recording, prepared, found, naive, best, members, effects, rows, proof, left, tuple(notes), answer, words
+        recording, prepared, found, naive, best, members, effects, rows, proof, left, tuple(notes), answer, words,
+        unshown,
     )  # fmt: skip
 
 
 def _answer(effects: Sequence[Finding], left: dict[str, Any]) -> str:
     main = [f for f in effects if f.tier != SLIGHT]
     named = sorted(f.name for f in main if f.seen) or sorted(f.name for f in main if f.why_not != NAMELESS)
-    return "+".join(named) or (UNNAMED if left["unnamed"] or effects else NONE)
+    return "+".join(named) or (UNNAMED if left["unnamed"] or main else NONE)
 
 
 def _members(found: Explanation, answer: str) -> tuple[Member, ...]:
@@ -150,6 +156,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "missing_force_held_out": diagnosis.remainder["held_out"],
         "remainder": {k: v for k, v in diagnosis.remainder.items() if k != "held_out"},
         "notes": list(diagnosis.notes),
+        "cannot_show": [{**asdict(own), "names": list(own.names)} for own in diagnosis.unshown],
         "held_out": _proof(diagnosis.proof),
         "picture": picture(diagnosis.prepared, found),
     })  # fmt: skip

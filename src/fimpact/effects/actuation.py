@@ -11,7 +11,7 @@ from fimpact.effects.sites import ALL
 
 CONSTANTS = "data sheets give torque constants and amplifier gains to 5 to 10 %"
 LATE = "buses and filters hold back by a few samples, at most some 50 ms"
-LEVELS = (0.3, 0.6, 0.8, 0.95, 0.99)  # of the largest force
+LEAST, MOST, LEVELS = 0.3, 0.99, 5  # of the largest force, between which limits are tried, and how many
 
 
 def gain(model, site, change):
@@ -91,7 +91,10 @@ def _to_a_share(name, share):
 
 
 def _saturation_probes(scales, model, site):
-    return [{"limit": level * amounts.summit(scales, model, site)} for level in LEVELS]
+    """From what the motion needed, which a limit cannot have been below, to what it hardly touches."""
+    most = amounts.summit(scales, model, site)
+    least = scales.needed[model.actuator(site).id] or LEAST * most
+    return [{"limit": float(limit)} for limit in np.geomspace(min(least, MOST * most), MOST * most, LEVELS)]
 
 
 def _late_probes(name):
@@ -162,6 +165,7 @@ EFFECTS = (
         prior=lambda scales, model, site: {"delay": amounts.delay(scales)},
         prior_source=LATE,
         order=MOTOR,
+        least=lambda scales, model, site: {"delay": amounts.instant(scales)},
     ),
     Effect(
         name="actuator_lag",
@@ -180,6 +184,7 @@ EFFECTS = (
         prior=lambda scales, model, site: {"time": amounts.delay(scales)},
         prior_source=LATE,
         order=MOTOR,
+        least=lambda scales, model, site: {"time": amounts.instant(scales)},
     ),
     Effect(
         name="rotor_inertia",

@@ -81,6 +81,11 @@ def late(period: float) -> float:
     return float(np.clip(3 * period, 0.01, 0.05))
 
 
+def instant(scales: Scales) -> float:
+    """A time, s, to which rows of a log are stamped: what happens within a row of it is not known better."""
+    return SMALL * scales.period
+
+
 def size(scales: Scales, model: mujoco.MjModel, body: str) -> float:
     """Longest side of the box that has the mass and the inertia of a body, m."""
     row = model.body(body).id

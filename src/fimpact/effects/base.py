@@ -48,9 +48,9 @@ class Scales:
 
     force, speed, travel, middle: root mean square generalised force, speed, standard deviation and mean of position of
     each degree of freedom, (nv,) each. drive, summit: root mean square and largest force of each actuator, before its
-    gear, (nu,) each. measured: standard deviation of each channel, (ny,). mass: total moving mass, kg. length: size of
-    the mechanism, m. gravity: m/s^2, 9.81 where the model has none. period: sampling period, s. duration: of the
-    longest run, s.
+    gear, (nu,) each; needed: the force that the motion hardly ever needed more of, 0 where nobody knows. measured:
+    standard deviation of each channel, (ny,). mass: total moving mass, kg. length: size of the mechanism, m. gravity:
+    m/s^2, 9.81 where the model has none. period: sampling period, s. duration: of the longest run, s.
     """
 
     force: np.ndarray
@@ -59,6 +59,7 @@ class Scales:
     middle: np.ndarray
     drive: np.ndarray
     summit: np.ndarray
+    needed: np.ndarray
     measured: np.ndarray
     mass: float
     length: float
@@ -196,6 +197,8 @@ class Effect:
         probes are small beside. prior_source: whence.
     order: place in the order in which an engineer suspects, which decides ties: RIGID_BODIES first.
     refines: names of effects of which this is a small refinement.
+    least: of (scales, model, site) -> sizes of amplitudes that every rig has and no expert would call missing: what is
+        no larger is told as small.
     side_by_side: a law that remembers may be asked for several hypotheses at once: its values are (n,) each, and so is
         all that the `Shaft` of a gear holds, whatever its site; of each value, all are neutral or none is.
     """
@@ -220,6 +223,7 @@ class Effect:
     prior_source: str = "the natural scale of the recording"
     order: int = ENVIRONMENT
     refines: tuple[str, ...] = ()
+    least: Callable[[Scales, mujoco.MjModel, str], Values] = lambda *_: {}
     side_by_side: bool = False
 
     def __post_init__(self):
@@ -234,14 +238,16 @@ class Effect:
 
 @dataclass(frozen=True)
 class Placed:
-    """An effect at a site with values: a hypothesis about what is missing. sizes, ranges: the largest size of each
-    value in the effect's probes at the site, and between what bounds it may be; empty where nobody asked."""
+    """An effect at a site with values: a hypothesis about what is missing. sizes, ranges, least: the largest size of
+    each value in the effect's probes at the site, between what bounds it may be, and what of it every rig has; empty
+    where nobody asked."""
 
     effect: Effect
     site: str
     values: dict[str, float]
     sizes: dict[str, float] = field(default_factory=dict)
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    least: Values = field(default_factory=dict)
 
     @property
     def held(self) -> list[str]:

@@ -35,8 +35,9 @@ def sensor_scale(measured, signal: Signal, site, change):
 
 
 def sensor_delay(measured, signal: Signal, site, delay):
-    """The reading is that of an earlier time. Where nothing is commanded, all sensors together are late only against
-    the state that is known at the start of a run: any other motion may begin at any time."""
+    """The reading is that of an earlier time; less than nothing: that of a later one. Where nothing is commanded, all
+    sensors together are late only against the state that is known at the start of a run: any other motion may begin at
+    any time."""
     return _read_at(measured, signal, site, _delayed(signal, site, delay))
 
 
@@ -126,6 +127,12 @@ def _bias_prior(scales, model, site):
     return {"offset": ZERO.get(kind) or DRIFTS * _size(scales)}
 
 
+def _stamps(scales, model, site):
+    """A sensor is not early; but a log may hold, beside each command, what all sensors read after it had acted."""
+    together = site == ALL or len(scales.measured) <= model.sensor(site).dim[0]
+    return {"delay": (-scales.period if together and model.nu else 0.0, 1.0)}
+
+
 def _turn_probes(scales, model, site):
     still = {"turn_x": 0.0, "turn_y": 0.0, "turn_z": 0.0}
     return [still | {axis: amounts.SMALL} for axis in still]
@@ -168,17 +175,19 @@ EFFECTS = (
         name="sensor_delay",
         family="sensing",
         equation="y'(t) = y(t − δ)",
-        sentence="Readings arrive late: filters, buses and time stamps taken on arrival.",
+        sentence="Readings arrive late: filters, buses and time stamps taken on arrival (δ < 0: all are logged early).",
         reference="Åström, Wittenmark, Computer-Controlled Systems, 1997, ch. 3",
         enters="measurement",
-        coefficients=(Coefficient("delay", "s", low=0.0, high=1.0),),
+        coefficients=(Coefficient("delay", "s", low=-1.0, high=1.0),),
         sites=sites.sensors,
         probes=lambda scales, model, site: [{"delay": 0.2 * scales.period}],
         law=sensor_delay,
         neutral={"delay": 0.0},
+        ranges=_stamps,
         prior=lambda scales, model, site: {"delay": amounts.delay(scales)},
         prior_source=LATE,
         order=SENSING,
+        least=lambda scales, model, site: {"delay": amounts.instant(scales)},
     ),
     Effect(
         name="misalignment",
@@ -212,5 +221,6 @@ EFFECTS = (
         prior=lambda scales, model, site: {"rate": 1e-3},
         prior_source="quartz clocks are true to .01 %, clocks kept by software to .1 %",
         order=SENSING,
+        least=lambda scales, model, site: {"rate": amounts.instant(scales) / scales.duration},
     ),
 )

@@ -9,7 +9,8 @@ from fimpact.deciding import UNLIKELY
 from fimpact.effects import get_effect
 from fimpact.effects.base import Placed, Scales
 from fimpact.recordings import Recording, Run
-from fimpact.smoothing.columns import at, motion_scales
+from fimpact.smoothing.candidates import at
+from fimpact.smoothing.columns import motion_scales
 from fimpact.smoothing.parameters import Parameter
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.smoother import Smoothed, smooth

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.deciding import TRUST, TYPICAL
+from fimpact.deciding import NOTHING, TRUST, TYPICAL
 from fimpact.effects.base import Effect, Placed
 from fimpact.selection.exchange import Exchange
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Trial
-from fimpact.smoothing.columns import Candidate
+from fimpact.smoothing.candidates import Candidate
 
 
 def begun(regression: Regression, trial: Trial | Exchange) -> tuple[tuple[Placed, ...], tuple[dict[str, float], ...]]:
@@ -71,14 +71,27 @@ def at_typical_sizes(regression: Regression, trial: Trial) -> Trial:
     return replace(trial, estimate=replace(trial.estimate, kept=tuple(own), values=np.array(list(own.values()))))
 
 
-def in_midst(placed: Sequence[Placed]) -> tuple[Placed, ...]:
-    """Effects of which those far from their like at other joints are put in their midst."""
-    values: dict[str, list[float]] = {}
-    for law in placed:
-        values.setdefault(law.effect.name, []).append(law.values[law.effect.coefficients[0].name])
+def in_midst(placed: Sequence[Placed], priors: Sequence[dict[str, float]]) -> tuple[Placed, ...]:
+    """Effects of which those that lie far below their like at other joints are put in their midst: far below as they
+    are, and beside what their joints carry, since a wrist has a smaller gear; and alone, since it has two or three.
+
+    Args:
+        priors: sd of the amplitudes of each, as such parts have them.
+    """
+    sizes: dict[str, list[np.ndarray]] = {}
+    for law, prior in zip(placed, priors, strict=True):
+        sizes.setdefault(law.effect.name, []).append(_sizes(law, prior))
     moved = []
-    for law in placed:
-        name, midst = law.effect.coefficients[0].name, float(np.median(values[law.effect.name]))
-        far = not midst / TRUST <= law.values[name] <= midst * TRUST
-        moved.append(replace(law, values=law.values | {name: midst}) if far else law)
+    for law, prior in zip(placed, priors, strict=True):
+        alike, own = np.array(sizes[law.effect.name]), _sizes(law, prior)
+        midst, name = np.median(alike, axis=0), law.effect.coefficients[0].name
+        near = (alike[:, 0] < own[0] * TRUST) & (alike[:, 0] > own[0] / TRUST) & (alike[:, 1] > NOTHING)
+        far = (own < midst / TRUST).all() and near.sum() < 2
+        moved.append(replace(law, values=law.values | {name: float(midst[0])}) if far else law)
     return tuple(moved)
+
+
+def _sizes(law: Placed, prior: dict[str, float]) -> np.ndarray:
+    """The first amplitude of an effect as it is, and beside its prior, (2,)."""
+    name = law.effect.coefficients[0].name
+    return np.array([law.values[name], law.values[name] / prior.get(name, 1.0)])

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fimpact.deciding import BELIEF, UNLIKELY
+from fimpact.effects.base import Placed
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, inverse
 
@@ -28,6 +29,16 @@ class Exchange:
     weight: float
     sure: bool
     better: float
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """An explanation in place of the last one chosen, refitted: its effects, the unknowns with them, (p,), and its
+    weight beside the answer's 1."""
+
+    placed: tuple[Placed, ...]
+    theta: np.ndarray
+    weight: float
 
 
 def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchange]:

@@ -4,7 +4,8 @@ from collections.abc import Callable, Sequence
 
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.selection.regression import Regression
-from fimpact.smoothing.columns import Candidate, at, columns, motion_scales
+from fimpact.smoothing.candidates import Candidate, at
+from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth
 

@@ -5,19 +5,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, LOUD, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
-from fimpact.effects import amounts
+from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
-from fimpact.effects.classes import DRIVE
-from fimpact.effects.sites import driven, has_servos
-from fimpact.selection.begin import at_typical_sizes, begun, held_by, in_midst, with_held
-from fimpact.selection.exchange import Exchange, exchanges
+from fimpact.effects.sites import has_servos
+from fimpact.selection.begin import begun, held_by, with_held
+from fimpact.selection.drives import align, drive, whole
+from fimpact.selection.exchange import Alternative, Exchange, exchanges
 from fimpact.selection.leftover import Leftover, leftover
 from fimpact.selection.limits import Limits
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import Round, Trial, search, worth
-from fimpact.smoothing.columns import Candidate, candidates, columns, motion_scales, units
+from fimpact.smoothing.candidates import Candidate, candidates
+from fimpact.smoothing.columns import columns, motion_scales, units
+from fimpact.smoothing.lateness import Way
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
 from fimpact.smoothing.simulated import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
@@ -26,19 +27,10 @@ from fimpact.smoothing.track import Track
 
 
 @dataclass(frozen=True)
-class Alternative:
-    """An explanation in place of the last one chosen, refitted: its effects, the unknowns with them, (p,), and its
-    weight beside the answer's 1."""
-
-    placed: tuple[Placed, ...]
-    theta: np.ndarray
-    weight: float
-
-
-@dataclass(frozen=True)
 class Explanation:
     """What was found: the naive fit, the final one, how many of its effects are of the first tier, rounds,
-    alternatives, the chance of the strongest hint where nothing was, and what is left without a name."""
+    alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
+    columns of all that was asked, but for refinements, beside the final fit."""
 
     naive: Smoothed
     final: Smoothed
@@ -50,6 +42,7 @@ class Explanation:
     missing: np.ndarray
     left: Leftover
     unasked: tuple[str, ...] = ()
+    asked: Callable[[], Regression] | None = None
 
 
 class Search:
@@ -74,7 +67,8 @@ class Search:
         self.failed: set[str] = set()
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
-        self._first: tuple[Regression, Round] | None = None
+        self.first: tuple[Regression, Round] | None = None
+        self.asked: Regression | None = None
         self._simulated = Simulated()
         self.hint = 1.0  # chance of the strongest hint of the first round
 
@@ -82,15 +76,6 @@ class Search:
     def spent(self) -> float:
         """Simulations of all samples in fits so far."""
         return self.track.quanta
-
-    @property
-    def far(self) -> bool:
-        """Whether so much is missing beside what motors give that columns are no tangents."""
-        model, missing = self.track.model, np.sqrt(self.missing / self.track.count)
-        joints = driven(model)
-        lost = [missing[model.joint(joint).dofadr[0]] for joint in joints]
-        given = [amounts.applied(self.scales, model, joint) for joint in joints]
-        return any(own > LOUD * most for own, most in zip(lost, given, strict=True))
 
     def asks(self) -> bool:
         """Whether one more question may be asked."""
@@ -113,55 +98,6 @@ class Search:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
         return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
 
-    def align(self, late: Sequence[Placed]) -> None:
-        """Refit with each of the ways in which motors may be late, and keep the likeliest; what is missing is what is
-        missing once the clocks agree."""
-        fits, known = [], {c.name: c for c in self.candidates}
-        for own in (own for own in late if own.name in known):
-            candidate = known[own.name]
-            placed = replace(own, sizes=candidate.sizes, ranges=candidate.ranges)
-            self.progress(f"selecting: {own.name}, which takes away nearly all that the next sample misses")
-            fit = smooth(self.track, self.begun, self.noise, (placed,), (candidate.priors,), progress=self.progress)
-            fits += [fit] if fit.converged and fit.loss() < self.naive.loss() else []
-        if not fits:
-            return
-        best = min(fits, key=lambda fit: fit.loss())
-        self.current, self.missing, self.hint = best, (best.tau**2).sum(0), 0.0
-        weights = [
-            (fit, float(np.exp((best.loss() - fit.loss()) / best.dispersion))) for fit in fits if fit is not best
-        ]
-        self.alternatives = [Alternative(fit.placed, fit.theta, w) for fit, w in weights if w > UNLIKELY]
-        self.dropped |= {own.name for own in late}
-
-    def drive(self) -> None:
-        """Refit with a geared drive at every driven joint, and keep what bears something.
-
-        Under servos, and where a sample is long against the drive, a column at zero is wrong, and one kind of physics
-        alone goes wrong at each joint: the compound is refitted whatever its columns say, but where little is missing
-        of what motors give and another does more than twice as much.
-        """
-        tried = self.open(False)
-        if not (self.coupled and any(c.effect.name in DRIVE for c in tried)):
-            return
-        regression, found = self.searched(tried, self.missing, SHARE)
-        self._first = regression, found
-        trial = next((t for t in found.tried if t.option.compound), None)
-        if trial is None:
-            return
-        if not self.far and found.chosen and found.tried[0].gain > 2 * trial.gain:
-            self.failed.add(trial.option.name)  # its kinds and places are asked one by one
-            return
-        self.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
-        best = self.alike(self.refitted(regression, self.whole(trial, regression)))
-        best = self.pruned(best, self.missing, False)
-        spread = regression.dispersion
-        if best.converged and best.placed and best.loss(spread) < self.current.loss(spread):
-            self.current, self.hint = best, trial.p
-            self.rounds.append(replace(found, chosen=trial))
-            self.failed.add(trial.option.name)
-        else:
-            self.dropped.clear()
-
     def searched(self, tried: list[Candidate], missing: np.ndarray, floor: float) -> tuple[Regression, Round]:
         """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""
         steps, offered = self.track.steps, self.offered(tried)
@@ -174,19 +110,19 @@ class Search:
                 self.track.steps = steps  # one pass a round, however many places there are
                 return regression, found
 
+    def beside(self) -> Regression:
+        """Columns of all that may be asked, but for refinements, beside what is in."""
+        if self.asked is not None and self.asked.smoothed is self.current:
+            return self.asked
+        steps = self.track.steps
+        found = Regression(self.current, columns(self.current, self.open(False), self._simulated))
+        self.track.steps = steps
+        return found
+
     def offered(self, tried: list[Candidate]) -> list[Option]:
         """Options of what is tried, without those that failed or are not to be asked."""
         found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
         return [option for option in found if option.name not in self.failed]
-
-    def alike(self, fit: Smoothed) -> Smoothed:
-        """`fit`, or the likelier one that begins with what lies far from its like at other joints in their midst: the
-        same motors and gears sit at every joint, and a light one has optima of its own far below."""
-        placed = in_midst(fit.placed)
-        if placed == fit.placed:
-            return fit
-        other = smooth(self.track, self.begun, self.noise, placed, fit.priors, fit, progress=self.progress)
-        return other if other.converged and (not fit.converged or other.loss() < fit.loss()) else fit
 
     def round(self, small: bool = False) -> bool:
         """Choose and refit; False where nothing qualifies."""
@@ -194,11 +130,11 @@ class Search:
         if not tried:
             return False
         missing, offered = self.left() if small else self.missing, self.offered(tried)
-        if self._first and self._first[0].smoothed is self.current:
-            regression, found = self._first
+        if self.first and self.first[0].smoothed is self.current:
+            regression, found = self.first
         else:
             regression, found = self.searched(tried, missing, REFINES if small else SHARE)
-        self._first = None
+        self.first, self.asked = None, self.asked if small else regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
@@ -211,7 +147,7 @@ class Search:
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
-        best = self.refitted(regression, self.whole(chosen, regression))
+        best = self.refitted(regression, whole(self, chosen, regression))
         best = best if small else self._among_rivals(regression, found, best)
         best = self.pruned(best, missing, small)
         self.failed.add(chosen.option.name)
@@ -229,10 +165,6 @@ class Search:
         """Squared force, (nv,), of which a refinement must take its share: what is left, but no less than what would
         not have been worth a name at first."""
         return np.maximum((self.current.tau**2).sum(0), SHARE * self.missing)
-
-    def whole(self, trial: Trial, regression: Regression) -> Trial:
-        """`trial`, and under servos what its compound has left out, at typical sizes."""
-        return at_typical_sizes(regression, trial) if trial.option.compound and self.coupled else trial
 
     def exchanged(self, regression: Regression, offered: Sequence[Option]) -> bool:
         """Put in the place of an effect what is likelier, refitted; what is as likely joins the set.
@@ -348,7 +280,7 @@ class Search:
 
 def explain(
     track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
-    limits: Limits | None = None, late: Sequence[Placed] = (),
+    limits: Limits | None = None, late: Sequence[Way] = (),
 ) -> Explanation:  # fmt: skip
     """Find what is missing: classes of physics first, then single odd effects, then small refinements of both, as far
     as `limits` go.
@@ -360,9 +292,9 @@ def explain(
     state = Search(track, begun, noise, limits.effects(effects), progress)
     state.limits = limits
     if state.asks():
-        state.align(late)
+        align(state, late)
     if state.asks():
-        state.drive()
+        drive(state)
     while state.asks() and state.round():
         pass
     main, state.misses = len(state.current.placed), 0
@@ -371,5 +303,5 @@ def explain(
     final = state.current = state.simplified()
     return Explanation(
         state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
-        state.missing, leftover(final, state.missing), limits.unasked(state.stopped),
+        state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
     )  # fmt: skip

@@ -18,7 +18,8 @@ from fimpact.selection.exchange import NOTHING, exchanges
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression
 from fimpact.selection.search import search
-from fimpact.smoothing.columns import Candidate, columns
+from fimpact.smoothing.candidates import Candidate
+from fimpact.smoothing.columns import columns
 from fimpact.smoothing.laws import expected_sign, middle, predicted_commands, speed_doubt
 from fimpact.smoothing.levels import CHANGE
 from fimpact.smoothing.smoother import Smoothed

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 
 from fimpact.effects.classes import classes
-from fimpact.smoothing.columns import Candidate
+from fimpact.smoothing.candidates import Candidate
 
 
 @dataclass(frozen=True)

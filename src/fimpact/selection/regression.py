@@ -133,6 +133,16 @@ class Regression:
         left = rows[:, :, 0] - np.einsum("kjc,kc->kj", rows[:, :, kept], values)
         return np.array([np.bincount(self.stretch, weights=column**2, minlength=self.count) for column in left.T]).T
 
+    def force_of(self, before: Estimate, after: Estimate) -> np.ndarray | None:
+        """Squared force, (nv,), that would do what `after` does beside `before`; None where the smoother sees it."""
+        whole = self.columns.whole
+        if whole is None:
+            return None
+        step = np.zeros(whole.shape[2])
+        step[list(after.kept)] += after.values
+        step[list(before.kept)] -= before.values
+        return ((whole @ step) ** 2).sum(0)
+
     def scores(self, found: Estimate) -> np.ndarray:
         """Score of each stretch for the kept columns, (stretches, k)."""
         kept = list(found.kept)

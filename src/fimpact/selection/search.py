@@ -127,7 +127,9 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     gain, dispersion = regression.gain(now, found)
     p = min(1.0, chance(gain, dispersion, added) * regression.independent)
     left = regression.errors(found)
-    taken = (forces - regression.forces_left(found)).sum(0) / np.maximum(missing, 1e-300)
+    whole = regression.force_of(now, found)
+    taken = (forces - regression.forces_left(found)).sum(0) if whole is None else whole
+    taken = taken / np.maximum(missing, 1e-300)
     place, better = int(np.argmax(taken)), errors - left
     # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
     relief = regression.tension(now) - regression.tension(found)
@@ -189,7 +191,8 @@ def worth(regression: Regression, column: int, step: float, missing: np.ndarray)
     p = float(2 * stats.t.sf(abs(step) / np.sqrt(max(variance, 1e-300)), max(regression.count - 1, 1)))
     smoothed = regression.smoothed
     change = smoothed.linear.offsets[:, : 2 * smoothed.track.model.nv, 1 + column] * step
-    force = np.einsum("kji,ki->kj", inverse_of_push(smoothed.track, smoothed.linear), change)
+    # Where a joint sticks, what rubs it may be any force that would move it: there it counts in full.
+    force = np.einsum("kji,ki->kj", inverse_of_push(smoothed.track, smoothed.linear, sticks=False), change)
     if not force.any():  # of what is read, not of what acts
         return Worth(p, 1.0)
     return Worth(p, float(((force**2).sum(0) / np.maximum(missing, 1e-300)).max()))

@@ -46,14 +46,19 @@ class InputSignal:
         if not laws:
             return signal.ctrl, None
         # Whole runs, because a window's first commands depend on those before it.
-        ctrl = np.repeat(windows.ctrl, self.substeps * FINER, 1)
-        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.model.opt.timestep / FINER), ctrl.shape[:2])
-        for law in laws:
-            ctrl = law.effect.law(ctrl, self.describe(time, ctrl), law.site, **law.values)
+        ctrl = self.pieces(laws, windows)
         pieces = ctrl.reshape(len(ctrl), -1, FINER, ctrl.shape[2])
         steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
         rows = windows.runs[:, None], np.clip(steps, 0, pieces.shape[1] - 1)
         return pieces.mean(2)[rows], pieces[:, :, 0][rows] if self.instant else None
+
+    def pieces(self, laws: Sequence[Placed], windows: Windows) -> np.ndarray:
+        """Commands of whole runs as `laws` change them, in `FINER` pieces of each step, (runs, T, nu)."""
+        ctrl = np.repeat(windows.ctrl, self.substeps * FINER, 1)
+        time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.model.opt.timestep / FINER), ctrl.shape[:2])
+        for law in laws:
+            ctrl = law.effect.law(ctrl, self.describe(time, ctrl), law.site, **law.values)
+        return ctrl
 
     @cached_property
     def _rig(self) -> Signal:

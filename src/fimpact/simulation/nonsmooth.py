@@ -9,10 +9,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from fimpact.deciding import HELD
 from fimpact.effects.base import Placed
 from fimpact.effects.native import STIFFEST
-from fimpact.effects.sites import ON_JOINT
 
 
 def has_contacts(model: mujoco.MjModel) -> bool:
@@ -45,19 +43,6 @@ def make_friction_exact(model: mujoco.MjModel, base: mujoco.MjModel, placed: Seq
     for dof in dofs:
         _tighten(model, base, dof, added[dof] / (added[dof] + own[dof]))
     return dofs.tolist()
-
-
-def is_long(model: mujoco.MjModel, period: float) -> bool:
-    """Whether a joint under its servo and its damping comes to rest within a sample: a force is not held that long."""
-    damping, stiffness = model.dof_damping.copy(), np.zeros(model.nv)
-    for motor in np.flatnonzero(model.actuator_biastype):
-        if model.actuator_trntype[motor] != ON_JOINT:
-            return True
-        dof, gear = model.jnt_dofadr[model.actuator_trnid[motor, 0]], model.actuator_gear[motor, 0]
-        stiffness[dof] -= gear**2 * model.actuator_biasprm[motor, 1]
-        damping[dof] -= gear**2 * model.actuator_biasprm[motor, 2]
-    rates = np.maximum(period * damping, period**2 * stiffness) * model.dof_invweight0
-    return bool((rates > HELD).any())
 
 
 def stop_within_a_step(model: mujoco.MjModel) -> None:

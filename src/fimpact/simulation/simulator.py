@@ -24,7 +24,8 @@ from fimpact.recordings import FIELDS, Recording
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
 from fimpact.simulation.inputs import InputSignal
 from fimpact.simulation.model_pool import ModelPool
-from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
+from fimpact.simulation.nonsmooth import has_constraints, has_contacts, make_friction_exact
+from fimpact.simulation.servo_steps import held_by_servos
 from fimpact.simulation.windows import Windows
 from fimpact.visuals import without_visuals
 
@@ -142,22 +143,22 @@ class Simulator:
 
     @DIVERGED
     def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force) -> tuple[np.ndarray, ...]:
-        """Advance n independent states by one sample, in one simulation of all of them.
+        """Advance n independent states by one sample, or by as many steps as commands are given for, in one simulation.
 
         Args:
             model: of `model`, perhaps edited since. qpos, qvel, act: (n, nq), (n, nv), (n, na). ctrl: held over the
                 sample, (n, nu), or of each of its steps, (n, steps, nu). force: generalised, N or N m: held, (n, nv).
-            kick: one more, whose whole impulse over the sample acts in its first step, (n, nv).
 
         Returns:
             qpos, qvel and act at the end of the sample, and the channels at its start, (n, ny).
         """
-        n, nu, steps = len(qpos), model.nu, round(self.recording.period / model.opt.timestep)
+        n, nu, each = len(qpos), model.nu, np.ndim(ctrl) == 3
+        steps = ctrl.shape[1] if each else round(self.recording.period / model.opt.timestep)
         control = np.empty((n, steps, nu + model.nv))
-        control[:, :, :nu] = ctrl if np.ndim(ctrl) == 3 else np.asarray(ctrl)[:, None]
+        control[:, :, :nu] = ctrl if each else np.asarray(ctrl)[:, None]
         control[:, :, nu:] = force[:, None]
         state, sensed = np.empty((n, steps, self._size)), np.empty((n, steps, model.nsensordata))
-        with _without_idle_solver(model):
+        with _without_idle_solver(model), held_by_servos([model], self.recording.period):
             self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed)
         return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns]
 
@@ -170,10 +171,12 @@ class Simulator:
         laws, drive = hypothesis.of_kind(*LAWS), self._drive(hypothesis, windows)
         model = self._cached_model(hypothesis)
         if not laws:
-            with _without_idle_solver(model):
+            with _without_idle_solver(model), held_by_servos([model], self.recording.period):
                 return self._at_once(model, drive, start)
         copies = self._pool.for_windows(model, len(start)) if hypothesis.of_kind(*WRITES) else []
-        return self._step_by_step(model, AddedForces(model, copies, laws), copies, drive, start)
+        added = AddedForces(model, copies, laws)
+        with held_by_servos(copies or [model], self.recording.period):
+            return self._step_by_step(model, added, copies, drive, start)
 
     def _cached_model(self, hypothesis: Hypothesis) -> mujoco.MjModel:
         """The model as made for the last prediction where it is the same: many hypotheses differ in laws only."""
@@ -255,6 +258,9 @@ def _configure(model: mujoco.MjModel) -> None:
     model.opt.tolerance = min(model.opt.tolerance, CONVERGED)
     model.opt.iterations = max(model.opt.iterations, ITERATIONS)
     model.opt.ls_iterations = max(model.opt.ls_iterations, ITERATIONS)
+    # Of limbs that move without one another half of all entries are nothing: left out, contact takes half the time.
+    if has_contacts(model) and model.nM < model.nv * (model.nv + 1) // 2:
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
 
 
 @contextmanager

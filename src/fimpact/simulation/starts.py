@@ -8,12 +8,14 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
+from fimpact.deciding import TRUSTED
 from fimpact.recordings import Recording, Run
 
 WIDTHS = (41, 31, 21, 15, 11, 7, 5)  # samples in a local cubic, widest first
 CUBIC = 3  # order of the local polynomials
 FITS = 1.5  # standard deviations of noise: the residual up to which a local cubic follows the signal
 ROUND_OFF = 1e-3  # of the median step; what is smaller is no quantum
+WHOLE = 0.05  # of a quantum, by which a log's own rounding may miss a whole number of them
 DIFFERENCES = 3  # order; a smooth signal hardly has any, noise has all
 SPREAD = 1.482602218505602  # standard deviations in a median absolute deviation of a normal variable
 GAIN = np.sqrt(20.0)  # of third differences of white noise: 1 + 9 + 9 + 1
@@ -176,18 +178,49 @@ def smooth(signal: np.ndarray, period: float, noise: float) -> tuple[np.ndarray,
 def noise_level(recording: Recording) -> np.ndarray:
     """Estimate the standard deviation of each channel's noise, (ny,), where it is not given, never from a model.
 
-    It comes from third differences, and is at least the quantum / sqrt(12).
+    It comes from third differences, and is at least the quantum / sqrt(12): no more where they show nothing else.
 
     Raises:
         ValueError: a channel never changes, so that nothing can be told.
     """
     level = np.array(recording.noise, float)
     for column in np.flatnonzero(~np.isfinite(level)):
-        signals = [_on_its_own_grid(run.measured[:, column]) for run in recording.runs]
-        level[column] = max(_rough(signals), _quantum(signals) / np.sqrt(12))
+        signals = _signals(recording, column)
+        coarse = _quantum(signals) / np.sqrt(12)
+        level[column] = coarse if _only_coarse(signals) else max(_rough(signals), coarse)
         if not level[column]:
             raise ValueError(f"the noise of '{recording.channels[column]}' is 0 by its samples; declare its `noise`")
     return level
+
+
+def believed_noise(recording: Recording, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest standard deviation of each channel's noise that is believed, (ny,) each.
+
+    Args:
+        noise: what the samples show, (ny,). An encoder's whole steps are known; noise beside them is not.
+    """
+    low, high = TRUSTED[0] * noise, TRUSTED[1] * noise
+    for column, level in enumerate(noise):
+        signals = _signals(recording, column)
+        low[column] = max(low[column], min(level, _quantum(signals) / np.sqrt(12)))
+        if _only_coarse(signals) and not np.isfinite(recording.noise[column]):
+            low[column] = high[column] = level
+    return low, high
+
+
+def _signals(recording: Recording, column: int) -> list[np.ndarray]:
+    return [_on_its_own_grid(run.measured[:, column]) for run in recording.runs]
+
+
+def _only_coarse(signals: list[np.ndarray]) -> bool:
+    """Whether readings are whole steps, and third differences show no more than one of them: rounding, not noise."""
+    quantum = _quantum(signals)
+    if not quantum:
+        return False
+    steps = np.concatenate([np.diff(signal) for signal in signals]) / quantum
+    steps = steps[np.isfinite(steps)]
+    whole = np.abs(steps - np.round(steps)) < WHOLE
+    return bool(whole.all()) and _rough(signals) * GAIN / SPREAD < quantum * (1 + WHOLE)
 
 
 def _on_its_own_grid(signal: np.ndarray) -> np.ndarray:

@@ -47,12 +47,22 @@ class Inverse:
     """Inverse dynamics along `states`, in the middle of each sample."""
 
     def __init__(self, track: Track, states: States):
-        self.track, self.model = track, track.model
-        self.qpos, self.qvel = middle(track, states)
         after = track.next(states)
-        self.qacc = (after.qvel - states.qvel) / track.period
+        qacc = (after.qvel - states.qvel) / track.period
         ends = np.flatnonzero(track.last & (track.lengths[track.run_of] > 1))
-        self.qacc[ends] = self.qacc[ends - 1]
+        qacc[ends] = qacc[ends - 1]
+        self._begin(track, *middle(track, states), qacc)
+
+    @classmethod
+    def along(cls, track: Track, qpos: np.ndarray, qvel: np.ndarray, qacc: np.ndarray) -> "Inverse":
+        """Inverse dynamics along any motion of the track's model: qpos (n, nq), qvel and qacc (n, nv)."""
+        own = cls.__new__(cls)
+        own._begin(track, qpos, qvel, qacc)
+        return own
+
+    def _begin(self, track: Track, qpos: np.ndarray, qvel: np.ndarray, qacc: np.ndarray) -> None:
+        self.track, self.model = track, track.model
+        self.qpos, self.qvel, self.qacc = qpos, qvel, qacc
         self._regressors: dict[int, np.ndarray] = {}
 
     def change(self, after: mujoco.MjModel, before: mujoco.MjModel, told: np.ndarray) -> np.ndarray | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import FALL, SWITCH, TRUSTED
+from fimpact.deciding import FALL, SWITCH
 from fimpact.effects.sites import can_touch
 from fimpact.smoothing.laws import touching
 from fimpact.smoothing.states import States
@@ -66,8 +66,7 @@ def nearer(levels: Levels, begun: Levels, adjoint, errors, expected, noise, pace
     ratio = np.array([_ratio(asked[r].sum(0), force[r].sum(0)) for r in rows])
     step = np.exp(pace(np.log(np.concatenate([ratio.ravel(), np.where(levels.louder > 1, 1.0, loud)])) / 2))
     sd = np.clip(levels.force * step[: ratio.size].reshape(ratio.shape), begun.force / FALL, begun.force * FALL)
-    low, high = TRUSTED
-    reading = np.clip(levels.reading * step[ratio.size :], low * noise, high * noise)
+    reading = np.clip(levels.reading * step[ratio.size :], *track.believed(noise))
     return replace(levels, force=np.maximum(sd, levels.least), reading=reading)
 
 

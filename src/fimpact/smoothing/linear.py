@@ -51,6 +51,7 @@ def linearise(
     sign: np.ndarray | None = None,
     rough: bool = False,
     surprise: np.ndarray | float = 0.0,
+    spread: np.ndarray | None = None,
 ) -> Linear:
     """Linearise every sample.
 
@@ -58,14 +59,14 @@ def linearise(
         numbers: what is estimated. theta: values of the unknowns where they are not among the numbers.
         like: the same along a trajectory so near that its derivatives hold, unless the model itself has changed.
         sign: of the speeds for dry friction, where it is known already. rough: the error of the time step counts
-            little. surprise: as in `laws.reading_of`.
+            little. surprise: as in `laws.reading_of`. spread: as in `Response.slopes`.
     """
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
     plant = track.plant(placed, theta, states, tau, doubt, sign, surprise)
     kept = like is not None and like.slopes.hold(plant.model)
     response = Response(plant, states, tau, like.response.inverse if kept else None)
-    slopes = like.slopes if kept else response.slopes()
+    slopes = like.slopes if kept else response.slopes(spread)
     changes = {}
     for index, number in enumerate(numbers):
         known = like.changes.get((number.of, number.name)) if kept and response.long else None

@@ -6,11 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.starts import measured_motion, noise_level
-from fimpact.smoothing.lateness import by_samples, lateness
+from fimpact.smoothing.lateness import Way, lateness
 from fimpact.smoothing.laws import touching
 from fimpact.smoothing.states import States
 from fimpact.smoothing.track import Track, refined
@@ -23,7 +22,7 @@ class Prepared:
     track: Track
     begun: States
     noise: np.ndarray
-    late: tuple[Placed, ...] = ()
+    late: tuple[Way, ...] = ()
 
     @cached_property
     def simulator(self) -> Simulator:
@@ -58,7 +57,7 @@ def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> 
     track, begun = refined(recording, runs, begin, noise, refine)
     late = lateness(track, begun, noise)
     if late and not refine:  # what is late hides the error of the time step
-        track, begun = refined(recording, runs, begin, noise, refine, [by_samples(late[0], track.period)])
+        track, begun = refined(recording, runs, begin, noise, refine, late[0])
     return Prepared(track, begun, noise, late)
 
 

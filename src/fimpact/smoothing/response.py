@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.sites import ON_JOINT
-from fimpact.simulation.nonsmooth import is_long
+from fimpact.simulation.servo_steps import is_long
+from fimpact.smoothing.commands import Commands
 from fimpact.smoothing.inverse import EDITED, RESTING, Inverse, edits
 from fimpact.smoothing.laws import reading_of
 from fimpact.smoothing.states import States
@@ -62,30 +63,40 @@ class Response:
         self.track = plant.track
         self.long = is_long(plant.model, self.track.period)
         self.inverse = inverse or Inverse(self.track, states)
-        self._told: tuple[np.ndarray, Step] | None = None
+        self._told: tuple[Commands, Step] | None = None
 
     @cached_property
     def near(self) -> Step:
         """The samples ahead under the plant itself."""
         return self.plant.step(self.states, self.tau)
 
-    def slopes(self) -> Slopes:
+    def slopes(self, spread: np.ndarray | None = None) -> Slopes:
         """Derivatives by state and missing force: one simulation of all samples for each coordinate, at the model's own
-        time step: a derivative hardly feels its error."""
+        time step: a derivative hardly feels its error.
+
+        Args:
+            spread: sd of the missing force, (nv,), to both sides of which its derivative is taken; None: it is the
+                tangent.
+        """
         track, space, plant = self.track, self.track.space, self.plant.coarse
         near = self.near if plant is self.plant else plant.step(self.states, self.tau)
         n, nv = space.size, track.model.nv
         advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
+        tiny = 1e-4 * np.maximum(track.model.dof_M0, 1e-9) / track.period
         for j in range(n + nv):
-            step, push, size = np.zeros((track.count, n)), self.tau, NUDGE
+            own, unit = (NUDGE, np.eye(n)[j]) if j < n else (tiny[j - n], np.eye(nv)[j - n])
             if j < n:
-                step[:, j] = size
+                found, other = (
+                    plant.step(space.plus(self.states, np.tile(own * unit, (track.count, 1))), self.tau),
+                    near,
+                )
+            elif spread is None:
+                found, other = plant.step(self.states, self.tau + own * unit), near
             else:
-                size = 1e-4 * max(float(track.model.dof_M0[j - n]), 1e-9) / track.period
-                push = self.tau + size * np.eye(nv)[j - n]
-            found = plant.step(space.plus(self.states, step), push)
-            advance[:, :, j] = space.minus(found.after, near.after) / size
-            reads[:, :, j] = (found.readings - near.readings) / size
+                own = max(own, spread[j - n])
+                found, other = (plant.step(self.states, self.tau + side * own / 2 * unit) for side in (1, -1))
+            advance[:, :, j] = space.minus(found.after, other.after) / own
+            reads[:, :, j] = (found.readings - other.readings) / own
         return Slopes(advance, reads, self.plant.model)
 
     def nothing(self) -> Change:
@@ -94,11 +105,11 @@ class Response:
         sizes = track.space.size, len(track.recording.channels), track.model.nv
         return Change(*(np.zeros((track.count, size)) for size in sizes))
 
-    def __call__(self, plant: Plant, told: np.ndarray | None = None) -> Change:
+    def __call__(self, plant: Plant, told: Commands | None = None) -> Change:
         """What `plant` does more than this response's own.
 
         Args:
-            told: commands, (N, steps, nu), under which both are judged; None: each under its own.
+            told: commands under which both are judged; None: each under its own.
         """
         held = self._held(plant, told)
         if held is not None:
@@ -111,15 +122,15 @@ class Response:
         nothing = self.nothing()
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 
-    def _held(self, plant: Plant, told: np.ndarray | None) -> Change | None:
+    def _held(self, plant: Plant, told: Commands | None) -> Change | None:
         # A force that follows the position hardly changes within a sample, however stiff the servo.
         edited = edits(plant.model, self.plant.model)
         rubs = not np.array_equal(plant.model.dof_frictionloss, self.plant.model.dof_frictionloss)
         simulated = self.long and not (edited and edited <= set(RESTING))
-        if rubs or simulated or (told is None and not np.array_equal(plant.ctrl, self.plant.ctrl)):
+        if rubs or simulated or (told is None and not plant.ctrl.same(self.plant.ctrl)):
             return None
         before, after = self.plant.model, plant.model
-        force = self.inverse.change(after, before, (self.plant.ctrl if told is None else told).mean(1))
+        force = self.inverse.change(after, before, (self.plant.ctrl if told is None else told).mean)
         if force is None:
             return None
         force = force + plant.force - self.plant.force + self.tau * (heavier(after, before) - 1.0)
@@ -142,7 +153,7 @@ class Response:
     def _raw(self) -> Step:
         return self.track.ahead(self.plant.models, self.states, self.plant.ctrl, self.plant.force + self.tau)
 
-    def _under(self, told: np.ndarray) -> Step:
+    def _under(self, told: Commands) -> Step:
         if self._told is None or self._told[0] is not told:
             self._told = told, replace(self.plant, ctrl=told).step(self.states, self.tau)
         return self._told[1]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import LOUDER, ROUNDS, STILL, TRUST
+from fimpact.deciding import LOUDER, NOTHING, ROUNDS, STILL, TRUST
 from fimpact.effects.base import Placed
 from fimpact.smoothing.filtering import Filtered, variances
 from fimpact.smoothing.levels import Levels, Pace, first_levels, in_modes, moved_by, nearer
@@ -104,11 +104,11 @@ def smooth(
     pace, converged, k, change = Pace(), False, 0, np.inf
     for k in range(rounds + len(anneal)):
         rough = k < len(anneal)
-        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise)
+        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
         if levels is None:
             tau = _inverse(track, linear)
             levels = first_levels(track, states, tau, noise)
-            linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None, sign, rough)
+            linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None, sign, rough, now=levels)
         loud = anneal[k] if k < len(anneal) else 1.0
         begun_levels = levels = replace(levels, louder=np.where(track.late, loud, 1.0))
         stretch = stretches(track, tau) if stretch is None else stretch
@@ -157,7 +157,7 @@ def smooth(
         if change > WORN:
             linear = None
     if not (converged and track.long):
-        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise)
+        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise, now=levels)
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
     fixed = numbers or fixed
     count = int(np.isfinite(track.measured).sum())
@@ -168,8 +168,13 @@ def smooth(
     )  # fmt: skip
 
 
-def _linear(track, numbers, fixed, placed, states, tau, doubt, like: Linear | None, *more) -> Linear:
-    return linearise(track, numbers, placed_of(fixed, placed), states, tau, doubt, theta_of(fixed), like, *more)
+def _linear(
+    track, numbers, fixed, placed, states, tau, doubt, like: Linear | None, *more, now: Levels | None = None
+) -> Linear:
+    # Where a joint sticks, no small force moves it: there what a force does is judged over as much as may be missing.
+    spread = np.sqrt((now.forces**2).mean(0)) if now and track.long else None
+    placed = placed_of(fixed, placed)
+    return linearise(track, numbers, placed, states, tau, doubt, theta_of(fixed), like, *more, spread=spread)
 
 
 def _inverse(track: Track, linear: Linear) -> np.ndarray:
@@ -182,9 +187,16 @@ def _inverse(track: Track, linear: Linear) -> np.ndarray:
     return tau
 
 
-def inverse_of_push(track: Track, linear: Linear) -> np.ndarray:
-    """The force that a change of the next sample's positions and speeds would take, (N, nv, 2 nv)."""
+def inverse_of_push(track: Track, linear: Linear, sticks: bool = True) -> np.ndarray:
+    """The force that a change of the next sample's positions and speeds would take, (N, nv, 2 nv).
+
+    Args:
+        sticks: under stiff servos none where a joint sticks, which no force of that size moves; False: whatever would.
+    """
     nv = track.model.nv
     scale = np.repeat([1.0, track.period], nv)
     push = linear.advance[:, : 2 * nv, track.space.size :] * scale[:, None]
+    if track.long and sticks:
+        moved = np.linalg.norm(push, axis=1)
+        push[np.broadcast_to((moved < NOTHING * np.median(moved, 0))[:, None], push.shape)] = 0.0
     return np.linalg.pinv(push, rcond=1e-9) * scale

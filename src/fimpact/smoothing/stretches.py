@@ -1,15 +1,25 @@
 """Stretches of a recording that tell something of their own: what is left of a model is no white noise."""
 
+from typing import Protocol
+
 import numpy as np
 
 from fimpact.deciding import STRETCHES
-from fimpact.smoothing.track import Track
 
 LEAST = 8  # samples in a stretch
 LONG = 4  # correlation times in a stretch
 
 
-def stretches(track: Track, tau: np.ndarray) -> np.ndarray:
+class Runs(Protocol):
+    """Samples of some runs, one after the other: `count` of them, in these `slices`."""
+
+    @property
+    def count(self) -> int: ...
+
+    def slices(self) -> list[slice]: ...
+
+
+def stretches(track: Runs, tau: np.ndarray) -> np.ndarray:
     """Stretch of each sample, (N,): some correlation times of the missing force `tau` (N, nv), at least `STRETCHES` in
     all; of each run, its own."""
     lag = max((_correlation_time(tau[rows]) for rows in track.slices()), default=1)

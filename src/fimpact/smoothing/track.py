@@ -12,9 +12,13 @@ from fimpact.deciding import DOUBT
 from fimpact.effects.base import Placed
 from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
-from fimpact.simulation.nonsmooth import is_long, stop_within_a_step
+from fimpact.simulation.inputs import FINER as PIECES
+from fimpact.simulation.nonsmooth import stop_within_a_step
+from fimpact.simulation.servo_steps import is_long
 from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.starts import believed_noise
 from fimpact.simulation.windows import Windows, cut
+from fimpact.smoothing.commands import Commands, sharp
 from fimpact.smoothing.laws import DRY, force_of, reading_of, touching
 from fimpact.smoothing.rubbing import Rubbing, rubbing
 from fimpact.smoothing.states import States, Tangent, tangent
@@ -53,7 +57,8 @@ class Track:
         self.last[self.bounds[1:] - 1] = True
         self.run_of = np.repeat(np.arange(len(runs)), self.lengths)
         self.steps = 0  # simulated so far
-        self._given: tuple[str, np.ndarray] = "", np.zeros(0)  # commands as laws last changed them
+        self._believed: tuple[np.ndarray, tuple] | None = None
+        self._given: tuple[str, Commands] = "", Commands(np.zeros(0))  # as laws last changed them
         self.time = np.concatenate([np.arange(length) * self.period for length in self.lengths])
 
     @cached_property
@@ -76,6 +81,12 @@ class Track:
         """Which channels read forces or accelerations, (ny,)."""
         sensors = [self.model.sensor(name.partition("[")[0]).id for name in self.recording.channels]
         return self.model.sensor_needstage[sensors] == ACCELERATION
+
+    def believed(self, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest sd of the readings that is believed, (ny,) each; noise: what the samples show."""
+        if self._believed is None or not np.array_equal(self._believed[0], noise):
+            self._believed = noise, believed_noise(self.recording, noise)
+        return self._believed[1]
 
     def slices(self) -> list[slice]:
         """Rows of each run."""
@@ -111,28 +122,32 @@ class Track:
         index = np.minimum(np.arange(self.lengths.max()), self.lengths[:, None] - 1) + self.bounds[:-1, None]
         return rows[index]
 
-    def commands(self, placed: Sequence[Placed] = ()) -> np.ndarray:
-        """Commands that reach the plant, (N, 1 or substeps, nu), as the laws of commands among `placed` change them."""
+    def commands(self, placed: Sequence[Placed] = ()) -> Commands:
+        """Commands that reach the plant, as the laws of commands among `placed` change them."""
         laws = [p for p in placed if p.effect.enters == "command"]
         if not laws:
-            return self.ctrl
+            return Commands(self.ctrl)
         key = repr([(law.name, law.values) for law in laws])
         if self._given[0] != key:
             inputs, substeps = self.simulator.commands, self.simulator.substeps
-            signal = inputs.signal(self.windows, self.windows.length * substeps)
-            given = inputs.given(laws, self.windows, signal)[0]
-            self._given = key, self.flat(given.reshape(len(given), -1, substeps, given.shape[2]))
+            laws, jumps = sharp(laws, self.period, substeps * PIECES) if self.long else (laws, ())
+            whole = self.windows.ctrl[:, : self.lengths.max()]
+            given = inputs.pieces(laws, replace(self.windows, ctrl=whole))
+            given = given.reshape(len(given), -1, substeps * PIECES, given.shape[2])
+            values = given if jumps else given.reshape(*given.shape[:2], substeps, PIECES, -1).mean(3)
+            self._given = key, Commands(self.flat(values), jumps)
         return self._given[1]
 
-    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
-        """One sample ahead of each state under `ctrl` (N, 1 or substeps, nu) and `force` (N, nv).
+    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force: np.ndarray) -> Step:
+        """One sample ahead of each state under `ctrl` and `force` (N, nv).
 
         Args:
             models: the plant at the time step, and where the step's error is to be taken out, at a finer one.
         """
+        least = round(self.period / models[0].opt.timestep)
         if len(models) == 1 or can_touch(self.model):
-            return self._ahead(models[-1], states, ctrl, force)
-        ends = [self._ahead(model, states, ctrl, force) for model in models]
+            return self._ahead(models[-1], states, ctrl, force, least)
+        ends = [self._ahead(model, states, ctrl, force, least) for model in models]
         # Richardson: what half the step changes is added once more
         after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
         return Step(after, ends[0].readings)
@@ -142,16 +157,20 @@ class Track:
         """What was simulated so far, in simulations of all samples at the model's own time step."""
         return self.steps / (self.count * self.simulator.substeps)
 
-    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: np.ndarray, force: np.ndarray) -> Step:
-        substeps = round(self.period / model.opt.timestep)
-        self.steps += substeps * len(states)
-        if ctrl.shape[1] > substeps:  # as coarse as the mean of them
-            ctrl = np.stack([part.mean(1) for part in np.array_split(ctrl, substeps, 1)], 1)
-        elif ctrl.shape[1] > 1:
-            ctrl = np.repeat(ctrl, substeps // ctrl.shape[1], 1)
-        ctrl = ctrl[:, 0] if ctrl.shape[1] == 1 else ctrl
-        qpos, qvel, act, readings = self.simulator.advance(model, states.qpos, states.qvel, states.act, ctrl, force)
-        return Step(States(qpos, qvel, act), readings)
+    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force: np.ndarray, least: int) -> Step:
+        first = None
+        for leg, given in ctrl.legs(model, self.period, least):
+            *after, readings = self.simulator.advance(leg, states.qpos, states.qvel, states.act, given, force)
+            self.steps += (given.shape[1] if given.ndim == 3 else round(self.period / leg.opt.timestep)) * len(states)
+            states, first = States(*after), readings if first is None else first
+        return Step(states, first)
+
+    def read(self, model: mujoco.MjModel, states: States, ctrl: Commands) -> np.ndarray:
+        """Readings, (N, ny), in each state under `ctrl`."""
+        self.steps += len(states)
+        still = np.zeros((len(states), model.nv))
+        now = states.qpos, states.qvel, states.act, ctrl.values[:, :1]
+        return self.simulator.advance(model, *now, still)[3]
 
     def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, ...]:
         """`model`, and the same at the finer time step that takes the step's error out: half of it, from which it is
@@ -227,7 +246,7 @@ class Plant:
     track: Track
     models: tuple[mujoco.MjModel, ...]
     placed: tuple[Placed, ...]
-    ctrl: np.ndarray
+    ctrl: Commands
     force: np.ndarray
     rubbing: Rubbing
     around: States
@@ -287,7 +306,7 @@ def refined(
     if refine:
         track = Track(Simulator(recording, refine), runs)
         return _in_contact(track), begin(track)
-    refine, track, states, apart = 1, None, None, False
+    refine, track, states, apart, errors = 1, None, None, False, []
     while True:
         finer = Track(Simulator(recording, refine, apart), runs)
         if finer.simulator.substeps < 2:
@@ -297,11 +316,21 @@ def refined(
             states = begin(finer)
             apart = can_touch(finer.model) and not touching(finer, states).any()
             finer = Track(Simulator(recording, refine, apart), runs) if apart else finer
-        if track is not None and _error(track, finer, states, noise, placed) < DOUBT:
-            return _in_contact(track), states
+        if track is not None:
+            errors.append(_error(track, finer, states, noise, placed))
+            if errors[-1] < DOUBT:
+                return _in_contact(track), states
+        # The error of a contact goes with the step: where the finest is not fine enough, none in between is asked.
+        if can_touch(finer.model) and len(errors) > 1 and _ends_at(errors, FINEST / refine) > DOUBT:
+            return _in_contact(Track(Simulator(recording, FINEST, apart), runs)), states
         track, refine = finer, 2 * refine
         if refine > FINEST:
             return _in_contact(track), states
+
+
+def _ends_at(errors: Sequence[float], finer: float) -> float:
+    """The error of a step so many times `finer`, where each halving does what the last one did."""
+    return errors[-1] * (errors[-1] / errors[-2]) ** np.log2(finer)
 
 
 def _in_contact(track: Track) -> Track:
