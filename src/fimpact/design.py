@@ -1,7 +1,7 @@
 """Six ways to choose the next experiment, under the same bounds and horizon.
 
 `fisher` is contact-implicit: no contact schedule is given. It starts from spread draws and searches around the
-best with a covariance-adapting strategy (CMA-ES); exact forward-mode gradients refine what it found. If none of the
+best with a covariance-adapting strategy (CMA-ES); gradients refine what it found. If none of the
 draws touches, information is flat, and the same strategy first closes the gap to the surface.
 
 What optimises does so for what is believed, not for one guess: the criterion is its mean over a few draws of the
@@ -14,23 +14,19 @@ the estimate (`fimpact.contact_implicit`).
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 
-import jax
 import numpy as np
 from cmaes import CMA
 
 from fimpact.contact_implicit.plan import Plan, planner
-from fimpact.engine import mjx
+from fimpact.forecast import forecaster
 from fimpact.information import CRITERIA
-from fimpact.programs import programs
-from fimpact.rollout import remove_contact
 from fimpact.systems.base import System
 
 POPULATION = 16
-WIDTH = 64  # of a batch of criteria
 TOLD = 1e-3  # gain in a (logarithmic) criterion above which a candidate is taken to have touched
 AFAR = 0.25  # first step of an approach, as a share of the range
+NUDGE = 1e-4  # share of the range by which a gradient's differences are taken
 STEPS = 0.5 ** np.arange(4, 12)  # of a search along a gradient, in shares of the inputs' range; one batch
 
 
@@ -41,7 +37,6 @@ class Task:
     round, its budget and its random numbers."""
 
     system: System
-    model: mjx.Model
     beliefs: np.ndarray
     known: np.ndarray
     round: int
@@ -85,8 +80,7 @@ def _touching(task: Task, values: np.ndarray) -> bool:
 def _allowance(task: Task, clear: bool) -> int:
     """Candidates that a search may simulate; more of them if it has to approach the surface first."""
     budget, inputs = task.budget, len(task.system.inputs.bounds[0])
-    # A forward-mode gradient carries every sensitivity once more per design variable: so many candidates.
-    refining = budget["gradients"] * (1 + inputs + len(STEPS)) if len(task.beliefs) == 1 else 0
+    refining = budget["gradients"] * (inputs + len(STEPS))  # a gradient simulates a candidate per design variable if len(task.beliefs) == 1 else 0
     approaching = budget["spread"] + POPULATION * budget["approach"] if clear else 0
     return 1 + budget["spread"] + POPULATION * budget["generations"] + refining + approaching
 
@@ -111,7 +105,7 @@ def _gap_left(task: Task, candidates: np.ndarray) -> np.ndarray:
     It has a slope where information has none, and needs no sensitivities.
     """
     rows = np.tile(task.beliefs, (len(candidates), 1))
-    seen = programs(task.system).predict(task.model, rows, np.repeat(candidates, len(task.beliefs), 0))
+    seen = forecaster(task.system).forecast(rows, np.repeat(candidates, len(task.beliefs), 0))
     share = np.where(seen.first > 0, np.maximum(seen.closest, 0) / np.where(seen.first > 0, seen.first, 1), 0)
     return np.where(np.isfinite(share), share, 1).reshape(len(candidates), -1).mean(1)
 
@@ -150,7 +144,8 @@ def _refine(task: Task, best: np.ndarray, value: float, blind: bool) -> tuple[np
     low, high = task.system.inputs.bounds
     sure = len(task.beliefs) == 1  # a gradient for every belief would cost more than the whole search
     for _ in range(task.budget["gradients"] if sure else 0):
-        slope = _gradient(task, best, blind) * (high - low)
+        nudges = best + NUDGE * np.diag(np.where(best > (low + high) / 2, low - high, high - low))
+        slope = (evaluate(task, nudges, blind) - value) / np.diag(nudges - best) * (high - low)
         if not (np.isfinite(slope).all() and slope.any()):
             break
         line = best + STEPS[:, None] * slope / np.linalg.norm(slope) * (high - low)
@@ -159,12 +154,6 @@ def _refine(task: Task, best: np.ndarray, value: float, blind: bool) -> tuple[np
             break
         best, value = line.clip(low, high)[np.argmax(values)], float(values.max())
     return best, value
-
-
-def _gradient(task: Task, design: np.ndarray, blind: bool) -> np.ndarray:
-    model = remove_contact(task.model) if blind else task.model
-    climb, name = programs(task.system).climb, task.budget["criterion"]
-    return np.asarray(climb(name, model, task.beliefs[0], design, task.known, blind)[1])
 
 
 def _draws(task: Task, count: int) -> np.ndarray:
@@ -177,33 +166,19 @@ def evaluate(task: Task, candidates: np.ndarray, blind: bool = False) -> np.ndar
 
     Where a belief cannot be simulated, the candidate is worth less than nothing learnt.
     """
-    model = remove_contact(task.model) if blind else task.model
     rows = np.tile(task.beliefs, (len(candidates), 1))
-    point = programs(task.system).linearise(model, rows, np.repeat(candidates, len(task.beliefs), 0))
-    slopes = point.motion if blind else point.sensitivity
+    slopes = forecaster(task.system).linearise(rows, np.repeat(candidates, len(task.beliefs), 0), blind)[1]
     with np.errstate(over="ignore", invalid="ignore"):
         information = task.known + slopes.transpose(0, 2, 1) @ slopes
-    values = _criterion(task, information)
-    values = np.where(np.isfinite(values), values, _nothing(task) - 1)
+    valid = np.isfinite(information).all((1, 2))
+    values = np.full(len(rows), _nothing(task) - 1)
+    values[valid] = CRITERIA[task.budget["criterion"]](information[valid])
     return values.reshape(len(candidates), -1).mean(1)
-
-
-def _criterion(task: Task, information: np.ndarray) -> np.ndarray:
-    # Filled up to one width: every other shape would compile again.
-    count = len(information)
-    fill = np.arange(-(-count // WIDTH) * WIDTH) % count
-    parts = information[fill].reshape(-1, WIDTH, *information.shape[1:])
-    return np.concatenate([_compiled(task.budget["criterion"])(part) for part in parts])[:count]
-
-
-@cache
-def _compiled(criterion: str) -> Callable:
-    return jax.jit(jax.vmap(CRITERIA[criterion]))
 
 
 def _nothing(task: Task) -> float:
     """Value of an experiment that tells nothing."""
-    return float(_criterion(task, task.known[None])[0])
+    return float(CRITERIA[task.budget["criterion"]](task.known))
 
 
 def contact_blind(task: Task) -> Design:

@@ -65,7 +65,7 @@ def _plan(config: dict, system: System, seed: int) -> tuple[tuple, pd.DataFrame]
 
 
 def _played(task: Task, plan: Plan) -> float:
-    slope = programs(task.system).linearise(task.model, plan.rho, plan.design).sensitivity[0]
+    slope = programs(task.system).linearise(task.system.template, plan.rho, plan.design).sensitivity[0]
     return float(np.trace(fisher(slope)))
 
 

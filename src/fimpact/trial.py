@@ -116,7 +116,7 @@ def design_next(
     rng = stream(system, seed, "design", 0 if method == "multisine" and system.inputs.knots == 1 else round_)
     known = prior_precision(campaign) + gained
     estimate = campaign.guess if found.status == FAR else found.rho
-    return METHODS[method](Task(system, campaign.model, believed, known, round_, rounds, budget, rng, estimate))
+    return METHODS[method](Task(system, believed, known, round_, rounds, budget, rng, estimate))
 
 
 def prior_precision(campaign: Campaign) -> np.ndarray:
