@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from fimpact.systems.base import System
 
@@ -42,17 +43,23 @@ def arm(system: System) -> Planar:
 
     def terms(q: ca.SX, v: ca.SX, theta: ca.SX) -> Terms:
         inertia, length = theta[:3], theta[3:]
-        angle, joint, mass = ca.cumsum(q), ca.SX.zeros(2), ca.SX.zeros(3, 3)
-        for i in range(3):
-            along = ca.vertcat(ca.cos(angle[i]), ca.sin(angle[i]))
-            middle = ca.jacobian(joint + length[i] / 2 * along, q)
-            turn = ca.jacobian(angle[i], q)
-            mass += 12 * inertia[i] / length[i] ** 2 * middle.T @ middle + inertia[i] * turn.T @ turn
-            joint += length[i] * along
-        push = -_coriolis(mass, q, v) - ca.DM(damping) * v
+        mass, damped = 12 * inertia / length**2, ca.DM(damping) * v
+        beyond = ca.vertcat(mass[1] + mass[2], mass[2], 0)  # the mass that each link carries at its end
+        own = inertia + length**2 * (mass / 4 + beyond)
+        lever = length * (mass / 2 + beyond)
+        angle, speed = ca.cumsum(q), ca.cumsum(v)
+        turning, push = ca.diag(own), ca.SX.zeros(3)  # of the links' own angles
+        for i, k in ((0, 1), (1, 2), (0, 2)):
+            between, shared = ca.sum1(q[i + 1 : k + 1]), length[i] * lever[k]
+            turning[i, k] = turning[k, i] = shared * ca.cos(between)
+            push[i] += shared * ca.sin(between) * speed[k] ** 2
+            push[k] -= shared * ca.sin(between) * speed[i] ** 2
+        each = ca.SX(np.tril(np.ones((3, 3))))  # d angle / d q
+        rise, reach = length * ca.sin(angle), length * ca.cos(angle)
+        gap, normal = surface - radius - ca.sum1(rise), -reach.T @ each
         # The point of the tip nearest to the wall, fixed to the last link, slides as the tip does less its turning.
-        gap, slip = surface - radius - joint[1], ca.jacobian(joint[0], q) - radius * ca.jacobian(angle[2], q)
-        return Terms(mass, push, gap, ca.jacobian(gap, q), slip)
+        slip = -rise.T @ each - radius
+        return Terms(each.T @ turning @ each, each.T @ push - damped, gap, normal, slip)
 
     def sense(q: ca.SX, acceleration: ca.SX, normal: ca.SX, tangent: ca.SX) -> ca.SX:
         return ca.vertcat(tangent, -normal)
@@ -88,9 +95,3 @@ def block(system: System) -> Planar:
 
 
 PLANAR: dict[str, Callable[[System], Planar]] = {"arm": arm, "block": block}
-
-
-def _coriolis(mass: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
-    """The velocity's part of the inverse dynamics: d(M v)/dq v less half the slope of v' M v."""
-    momentum = mass @ v
-    return ca.jtimes(momentum, q, v) - ca.gradient(ca.dot(v, momentum), q) / 2
