@@ -215,26 +215,39 @@ def multisine(task: Task) -> Design:
 def contact_implicit(task: Task, start: np.ndarray | None = None) -> Design:
     """The paper's direct transcription: the most information at the estimate, through rigid contact.
 
+    Of the stages' designs, from contact felt from afar to rigid contact, that is taken which tells most where contact
+    is soft: rigid contact is infinitely telling where it is grazed, and soft contact is not.
+
     Args:
         start: initial design (d,); a uniform draw if not given.
     """
     found = transcribe(task, start)
-    return Design(found.design, float(np.log(max(found.information, TOLD))), found.iterations)
+    values = evaluate(task, found.designs)
+    return Design(found.designs[np.argmax(values)], float(values.max()), found.iterations + len(values))
+
+
+def _units(known: np.ndarray) -> tuple[np.ndarray, float]:
+    """Directions of the relative parameters, (p, p) by columns, as long as the largest deviation `size` has them."""
+    values, vectors = np.linalg.eigh(known)
+    deviation = 1 / np.sqrt(values)
+    return vectors * (deviation / deviation.max()), float(deviation.max())
 
 
 def transcribe(task: Task, start: np.ndarray | None = None) -> Plan:
     """The plan behind `contact_implicit`.
 
-    An estimate whose plan tells less than the prior may be of a robot that cannot touch; then what else is believed is
-    tried in turn, and the most telling plan taken.
+    Parameters are counted in units of what is not known of them yet, so that the trace does not ask for the same
+    direction round by round; before the first experiment that is the paper's trace. An estimate whose plan tells less
+    than is known may be of a robot that cannot touch; then what else is believed is tried in turn, and the most telling
+    plan taken.
     """
     first = start if start is not None else _draws(task, 1)[0]
     estimate = task.estimate if task.estimate is not None else task.beliefs.mean(0)
     settings, plans = task.budget["transcription"], []
-    made = planner(task.system, settings["intervals"])
+    made, (units, size) = planner(task.system, settings["intervals"]), _units(task.known)
     for rho in [estimate, *task.beliefs]:
-        plans.append(made.plan(rho, first, settings["eps"], settings["iterations"]))
-        if plans[-1].information > len(rho) / task.system.settings["prior"] ** 2:
+        plans.append(made.plan(rho, first, settings["eps"], settings["iterations"], units))
+        if plans[-1].information * size**2 > len(rho):
             break
     best = max(plans, key=lambda plan: plan.information)
     return replace(best, iterations=sum(plan.iterations for plan in plans))

@@ -45,9 +45,10 @@ class Plan:
     Attributes:
         rho: the robot it is for, (p,), in relative parameters.
         design: inputs (d,).
+        designs: those of all stages, of which `design` is the last, (k, d).
         after: states, forces and slacks after every step of `length` s, (N, nx + nf).
         reading: what each step measures, (N, ny), in the sensor's unit.
-        information: trace of the planned Fisher information.
+        information: trace of the planned Fisher information, in the units of rho that were given.
         residual: greatest complementarity product, N m or N m/s.
         solved: whether IPOPT converged in the last stage, to its own or to an acceptable tolerance.
         statuses: what it said of every stage.
@@ -56,6 +57,7 @@ class Plan:
 
     rho: np.ndarray
     design: np.ndarray
+    designs: np.ndarray
     after: np.ndarray
     reading: np.ndarray
     length: float
@@ -80,21 +82,27 @@ class Planner:
         self.programme = Transcription(self.step, self.affine, (low + high) / 2, (high - low) / 2, count)
         self._solvers: dict[int, ca.Function] = {}
 
-    def plan(self, rho: np.ndarray, start: np.ndarray, eps: list[float], iterations: int) -> Plan:
+    def plan(
+        self, rho: np.ndarray, start: np.ndarray, eps: list[float], iterations: int, units: np.ndarray | None = None
+    ) -> Plan:
         """Maximise the trace of information at `rho` (p,), from the design `start` (d,), down the schedule `eps`.
 
         Args:
             iterations: of IPOPT, at most, in each stage.
+            units: in which rho is counted, (p, p), by columns; relative ones if not given.
         """
-        design, statuses, spent = start, [], 0
+        units = np.eye(len(rho)) if units is None else units
+        design, designs, statuses, spent = start, [], [], 0
         for stage in eps:
-            design, motion, told = self._stage(design, rho, stage, iterations)
+            design, motion, told = self._stage(design, rho, stage, iterations, units)
+            designs.append(design)
             statuses.append(told["return_status"])
             spent += told["iter_count"]
         products = self.products(design, motion.after, rho)
         return Plan(
             rho=rho,
             design=design,
+            designs=np.array(designs),
             after=motion.after,
             reading=motion.reading * self.system.sensor.noise,
             length=self.length,
@@ -105,32 +113,32 @@ class Planner:
             iterations=spent,
         )
 
-    def _stage(self, design, rho, eps, iterations) -> tuple[np.ndarray, Motion, dict]:
+    def _stage(self, design, rho, eps, iterations, units) -> tuple[np.ndarray, Motion, dict]:
         """Design, its motion, and IPOPT's statistics of one stage.
 
         The motion is simulated, so that its equations hold whatever IPOPT left of them; a design that then gathers less
         than the one before is not taken.
         """
-        before = self.simulate(design, rho, eps)
-        variables, told = self._solve(self.programme.pack(design, before), rho, eps, iterations)
+        before = self.simulate(design, rho, eps, units)
+        settings = np.concatenate([rho, [eps], units.ravel("F")])
+        variables, told = self._solve(self.programme.pack(design, before), settings, iterations)
         found = self.programme.design(variables)
-        made = self.simulate(found, rho, eps)
+        made = self.simulate(found, rho, eps, units)
         return (design, before, told) if made.information < before.information else (found, made, told)
 
-    def simulate(self, design: np.ndarray, rho: np.ndarray, eps: float) -> Motion:
-        """The relaxed motion of `design`."""
+    def simulate(self, design: np.ndarray, rho: np.ndarray, eps: float, units: np.ndarray | None = None) -> Motion:
+        """The relaxed motion of `design`, with sensitivities in `units` of rho, relative ones if not given."""
         start, controls = self._launch(design)
-        return self.simulator.run(start, controls, rho, eps)
+        return self.simulator.run(start, controls, rho, eps, np.eye(len(rho)) if units is None else units)
 
     def _launch(self, design: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         a = self.affine
         return a.start + a.start_slope @ design, a.controls + a.controls_slope @ design
 
-    def _solve(self, start: np.ndarray, rho: np.ndarray, eps: float, iterations: int) -> tuple[np.ndarray, dict]:
+    def _solve(self, start: np.ndarray, settings: np.ndarray, iterations: int) -> tuple[np.ndarray, dict]:
         programme, solver = self.programme, self._solver(iterations)
         low, high = np.full(programme.size, -np.inf), np.full(programme.size, np.inf)
         low[: programme.designs], high[: programme.designs], low[programme.designs] = -1, 1, 0
-        settings = np.concatenate([rho, [eps]])
         found = solver(x0=start, p=settings, lbx=low, ubx=high, lbg=0, ubg=0)
         return np.array(found["x"])[:, 0], solver.stats()
 

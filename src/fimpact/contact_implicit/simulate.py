@@ -13,8 +13,8 @@ CLOSE = 1e-10  # residual at which a step counts as solved; forces are of the or
 
 @dataclass(frozen=True)
 class Motion:
-    """States and forces (N, nx + nf), their sensitivities in rho (N, nx + nf, p), whitened readings (N, ny), their
-    sensitivities (N, ny, p), and whether every step was solved."""
+    """States and forces (N, nx + nf), their sensitivities in units of rho (N, nx + nf, p), whitened readings (N, ny),
+    their sensitivities (N, ny, p), and whether every step was solved."""
 
     after: np.ndarray
     slope: np.ndarray
@@ -24,7 +24,7 @@ class Motion:
 
     @property
     def information(self) -> float:
-        """Trace of the Fisher information in rho; less than none of a motion that could not be simulated."""
+        """Trace of the Fisher information in units of rho; less than none of a motion that could not be simulated."""
         trace = float((self.sensitivity**2).sum())
         return trace if np.isfinite(trace) and self.solved else -1.0
 
@@ -43,8 +43,8 @@ class Simulator:
         parts = [ca.densify(ca.jacobian(reading, of)) for of in (after, before, rho)]
         self._reading = ca.Function("reading", [after, before, rho], [reading, *parts])
 
-    def run(self, start: np.ndarray, controls: np.ndarray, rho: np.ndarray, eps: float) -> Motion:
-        """Simulate from `start` (nx,) under `controls` (N, nu)."""
+    def run(self, start: np.ndarray, controls: np.ndarray, rho: np.ndarray, eps: float, units: np.ndarray) -> Motion:
+        """Simulate from `start` (nx,) under `controls` (N, nu); `units` (p, p), by columns, of rho."""
         step, rows, solved = self.step, [], True
         state, carried = start, np.zeros((step.states, step.parameters))
         guess = np.concatenate([start, np.full(step.forces, np.sqrt(eps))])
@@ -52,9 +52,10 @@ class Simulator:
             guess, ok = self._solve(guess, state, control, rho, eps)
             solved &= ok
             over, back, by = (np.array(part) for part in self._slopes(guess, state, control, rho, eps))
+            by = by @ units
             slope = -_solved(over, back @ carried + by)
             reading, over, back, by = (np.array(part) for part in self._reading(guess, state, rho))
-            rows.append((guess, slope, reading[:, 0], over @ slope + back @ carried + by))
+            rows.append((guess, slope, reading[:, 0], over @ slope + back @ carried + by @ units))
             state, carried = guess[: step.states], slope[: step.states]
         return Motion(*(np.array(part) for part in zip(*rows, strict=True)), solved)
 

@@ -36,7 +36,7 @@ class Transcription:
     """The programme of `count` steps: `functions` for a solver, and the way between motions and variables.
 
     Variables: design scaled to [-1, 1] (d,), information (1,), then per step (nx + nf) (1 + p) numbers.
-    Parameters: rho (p,) and eps.
+    Parameters: rho (p,), eps, and the units (p, p), by columns, in which rho is counted.
     """
 
     def __init__(self, step: Step, affine: Affine, middle: np.ndarray, half: np.ndarray, count: int):
@@ -48,7 +48,7 @@ class Transcription:
     def pack(self, design: np.ndarray, motion: Motion) -> np.ndarray:
         """The variables that say `design` and its `motion`."""
         slopes = motion.slope.transpose(0, 2, 1).reshape(self.count, -1) / STEEP
-        gathered = (motion.sensitivity**2).sum() * WORTH
+        gathered = motion.information * WORTH
         nodes = np.hstack([motion.after, slopes])
         return np.concatenate([(design - self.middle) / self.half, [gathered], nodes.ravel()])
 
@@ -63,17 +63,17 @@ class Transcription:
     def _assemble(self, affine: Affine) -> tuple[dict, dict]:
         """The programme for `nlpsol`, and its own Jacobian and Hessian."""
         local, (place, offset) = _local(self.step), self._places(affine)
-        x, p = ca.MX.sym("x", self.size), ca.MX.sym("p", self.step.parameters + 1)
+        x, p = ca.MX.sym("x", self.size), ca.MX.sym("p", self.step.parameters * (self.step.parameters + 1) + 1)
         own = ca.reshape(place @ x + offset, -1, self.count)
-        rho, eps = (ca.repmat(part, 1, self.count) for part in (p[:-1], p[-1]))
+        settings = ca.repmat(p, 1, self.count)
         total, unit = x[self.designs], ca.DM.triplet([self.designs], [0], [1.0], self.size, 1)
-        equations, gathered = local["value"].map(self.count)(own, rho, eps)
+        equations, gathered = local["value"].map(self.count)(own, settings)
         constraints = ca.vertcat(ca.vec(equations), total - ca.sum2(gathered))
-        slopes, gains = local["slope"].map(self.count)(own, rho, eps)
+        slopes, gains = local["slope"].map(self.count)(own, settings)
         slope = ca.vertcat(_blocks(slopes, self.count) @ place, unit.T - ca.vec(gains).T @ place)
         scale, weights = ca.MX.sym("scale"), ca.MX.sym("weights", constraints.numel())
         of_steps = ca.reshape(weights[:-1], -1, self.count), ca.repmat(-weights[-1], 1, self.count)
-        curve = place.T @ _blocks(local["curve"].map(self.count)(own, rho, eps, *of_steps), self.count) @ place
+        curve = place.T @ _blocks(local["curve"].map(self.count)(own, settings, *of_steps), self.count) @ place
         curve += scale / (total + NONE) ** 2 * unit @ unit.T
         programme = {"x": x, "p": p, "f": -ca.log(total + NONE), "g": constraints}
         return programme, {
@@ -110,12 +110,14 @@ def _local(step: Step) -> dict[str, ca.Function]:
     """
     wide = step.states + step.forces
     sizes = [step.states, step.states * step.parameters, wide, wide * step.parameters, step.controls]
-    own, rho, eps = ca.SX.sym("own", sum(sizes)), ca.SX.sym("rho", step.parameters), ca.SX.sym("eps")
+    own, settings = ca.SX.sym("own", sum(sizes)), ca.SX.sym("settings", step.parameters * (step.parameters + 1) + 1)
+    rho, eps, units = ca.vertsplit(settings, [0, step.parameters, step.parameters + 1, settings.numel()])
     before, carried, after, slope, control = ca.vertsplit(own, np.cumsum([0, *sizes]).tolist())
     carried, slope = (ca.reshape(part, -1, step.parameters) * STEEP for part in (carried, slope))
     equations = step.residual(after, before, control, rho, eps)
     # Total derivatives in rho: what the step ends in and what it begins with move, and so does rho itself.
-    moving, ways = ca.vertcat(after, before, rho), ca.vertcat(slope, carried, ca.SX.eye(step.parameters))
+    units = ca.reshape(units, step.parameters, step.parameters)
+    moving, ways = ca.vertcat(after, before, rho), ca.vertcat(slope, carried, units)
     steady = ca.jtimes(equations, moving, ways)
     gathered = ca.sumsqr(ca.jtimes(step.measure(after, before, rho), moving, ways)) * WORTH
     equations = ca.vertcat(equations, ca.vec(steady) / STEEP)
@@ -123,9 +125,9 @@ def _local(step: Step) -> dict[str, ca.Function]:
     curve = ca.hessian(ca.dot(weight, equations) + worth * gathered, own)[0]
     slopes = [ca.jacobian(equations, own), ca.densify(ca.gradient(gathered, own))]
     return {
-        "value": ca.Function("value", [own, rho, eps], [equations, gathered]),
-        "slope": ca.Function("slope", [own, rho, eps], slopes, SHORT),
-        "curve": ca.Function("curve", [own, rho, eps, weight, worth], [curve], SHORT),
+        "value": ca.Function("value", [own, settings], [equations, gathered]),
+        "slope": ca.Function("slope", [own, settings], slopes, SHORT),
+        "curve": ca.Function("curve", [own, settings, weight, worth], [curve], SHORT),
     }
 
 
