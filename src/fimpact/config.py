@@ -16,6 +16,15 @@ from fimpact.complaints import in_words, most_telling, name
 MJCF = Path(__file__).parent / "systems"
 PLANAR = ("arm", "block")  # systems with rigid-body terms for contact_implicit, which does not run for others
 NEEDED = ("fisher", "uniform")  # the design that is shown, and the baseline
+SEARCH = ("criterion", "draws", "spread", "approach", "generations", "sigma", "gradients")
+SEEN = {  # keys of `design` that a method looks at; a change of others does not rerun it
+    "fisher": SEARCH,
+    "contact_implicit": ("criterion", "draws", "transcription"),
+    "uniform": (),
+    "contact_blind": SEARCH,
+    "best_of_n": tuple(key for key in SEARCH if key != "sigma"),
+    "multisine": (),
+}
 
 
 def check(config: dict, schema: Path) -> None:
@@ -85,6 +94,9 @@ def _contradictions(config: dict) -> Iterator[str]:
     eps = config["design"]["transcription"]["eps"]
     if any(after >= before for before, after in pairwise(eps)):
         yield f"design.transcription.eps is {eps}; each must be less than the one before: contact is tightened"
+    for method in config["select"].get("first", {}):
+        if method in NEEDED:
+            yield f"select.first has {method}, which all others are compared with, so that it needs all seeds; remove it"
     for table in ("select", "sweep"):
         for needed in NEEDED:
             if needed not in config[table]["methods"]:

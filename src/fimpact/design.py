@@ -80,7 +80,8 @@ def _touching(task: Task, values: np.ndarray) -> bool:
 def _allowance(task: Task, clear: bool) -> int:
     """Candidates that a search may simulate; more of them if it has to approach the surface first."""
     budget, inputs = task.budget, len(task.system.inputs.bounds[0])
-    refining = budget["gradients"] * (inputs + len(STEPS))  # a gradient simulates a candidate per design variable if len(task.beliefs) == 1 else 0
+    # A gradient simulates a candidate per design variable.
+    refining = budget["gradients"] * (inputs + len(STEPS)) if len(task.beliefs) == 1 else 0
     approaching = budget["spread"] + POPULATION * budget["approach"] if clear else 0
     return 1 + budget["spread"] + POPULATION * budget["generations"] + refining + approaching
 
@@ -226,30 +227,31 @@ def contact_implicit(task: Task, start: np.ndarray | None = None) -> Design:
     return Design(found.designs[np.argmax(values)], float(values.max()), found.iterations + len(values))
 
 
-def _units(known: np.ndarray) -> tuple[np.ndarray, float]:
-    """Directions of the relative parameters, (p, p) by columns, as long as the largest deviation `size` has them."""
+def _units(known: np.ndarray) -> np.ndarray:
+    """Directions of the relative parameters, (p, p) by columns, in proportion to what is not known along them."""
     values, vectors = np.linalg.eigh(known)
-    deviation = 1 / np.sqrt(values)
-    return vectors * (deviation / deviation.max()), float(deviation.max())
+    return vectors * np.sqrt(values.min() / values)
 
 
 def transcribe(task: Task, start: np.ndarray | None = None) -> Plan:
     """The plan behind `contact_implicit`.
 
     Parameters are counted in units of what is not known of them yet, so that the trace does not ask for the same
-    direction round by round; before the first experiment that is the paper's trace. An estimate whose plan tells less
-    than is known may be of a robot that cannot touch; then what else is believed is tried in turn, and the most telling
-    plan taken.
+    direction round by round; before the first experiment that is the paper's trace. A plan that does not touch when it
+    is played on its own robot, whose contact is soft, may be of one that cannot; then what else is believed is tried in
+    turn, from other starts, and the most telling plan taken.
     """
-    first = start if start is not None else _draws(task, 1)[0]
+    starts = _draws(task, 1 + len(task.beliefs))
+    starts[0] = start if start is not None else starts[0]
     estimate = task.estimate if task.estimate is not None else task.beliefs.mean(0)
     settings, plans = task.budget["transcription"], []
-    made, (units, size) = planner(task.system, settings["intervals"]), _units(task.known)
-    for rho in [estimate, *task.beliefs]:
+    made, units, values = planner(task.system, settings["intervals"]), _units(task.known), []
+    for rho, first in zip([estimate, *task.beliefs], starts, strict=True):
         plans.append(made.plan(rho, first, settings["eps"], settings["iterations"], units))
-        if plans[-1].information * size**2 > len(rho):
+        values.append(evaluate(replace(task, beliefs=rho[None]), plans[-1].designs))
+        if _touching(task, values[-1]):
             break
-    best = max(plans, key=lambda plan: plan.information)
+    best = plans[np.argmax([value.max() for value in values])]
     return replace(best, iterations=sum(plan.iterations for plan in plans))
 
 

@@ -30,7 +30,7 @@ TOUCH = 0.1  # N; above what relaxed contact exerts from afar
 
 
 def run_plans(config: dict, system: str, progress: Callable[[str], None]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """A plan for every seed of `reach`, from one design that stays clear: a row each, and the forces over time.
+    """A plan for every seed of `reach.planned`, from one design that stays clear: a row each, and the forces over time.
 
     `contact_steps_at_plan` counts steps in contact when MuJoCo plays the design on the robot it was planned for,
     `contact_steps` on the seed's truth. Forces are means over the plan's steps, in N: `correlation` and `rms` (of the
@@ -38,11 +38,11 @@ def run_plans(config: dict, system: str, progress: Callable[[str], None]) -> tup
     planned. Information is the trace at the plan's robot: as planned, and through MJX's soft contact.
     """
     made, rows, forces = make_system(system, config["systems"][system]), [], []
-    for seed in config["reach"]["seeds"]:
+    for seed in config["reach"]["planned"]:
         row, drawn = _plan(config, made, seed)
         rows.append(row)
         forces.append(drawn)
-        progress(f"{system} plans: {len(rows)} of {len(config['reach']['seeds'])} seeds")
+        progress(f"{system} plans: {len(rows)} of {len(config['reach']['planned'])} seeds")
     return pd.DataFrame(rows, columns=COLUMNS), pd.concat(forces)
 
 

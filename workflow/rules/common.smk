@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fimpact.concealed.plan import case_names, compared
 from fimpact.concealed.settings import check as check_benchmark
-from fimpact.config import PLANAR, check, check_keys
+from fimpact.config import PLANAR, SEEN, check, check_keys
 from fimpact.fetch import find_source, read_sources
 
 KNOWN = sorted(path.stem for path in Path("config/recordings").glob("*.yaml") if path.stem != "sources")
@@ -34,8 +34,9 @@ REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in (
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
+FORECAST = ["quiet", "forecast"]
 PLANNING = [f"contact_implicit/{name}" for name in "bodies plan simulate step transcription".split()]
-TRIAL = [*MODEL, *PLANNING, *"tables drafts truth design search estimate trial".split()]
+TRIAL = [*MODEL, *FORECAST, *PLANNING, *"tables drafts truth design search estimate trial".split()]
 EFFECTS = (
     "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing servos sites "
     "structure transmission"
@@ -126,6 +127,28 @@ def settings(*tables, **replaced):
     return part
 
 
+def designing(method, **replaced):
+    """The part of the table `design` that the method looks at."""
+    return {key: value for key, value in {**config["design"], **replaced}.items() if key in SEEN[method]}
+
+
+def trial_settings(wildcards):
+    """Params function: `settings` of one method's trials."""
+    return settings("rounds", "estimate", design=designing(wildcards.method))(wildcards)
+
+
+def sweep_settings(wildcards):
+    """Params function: `settings` of one method's sweep."""
+    sweep = {key: config["sweep"][key] for key in ("seeds", "rounds")}
+    return settings("estimate", sweep=sweep, design=designing(wildcards.method, **config["sweep"]["design"]))(wildcards)
+
+
+def seeds_of(method):
+    """The seeds on which a method runs: those selected, or the first few of them."""
+    seeds = config["select"]["seeds"]
+    return seeds[: config["select"].get("first", {}).get(method, len(seeds))]
+
+
 def parts(items, size):
     """Number of jobs that share `items`, at most `size` in each."""
     return -(-len(items) // size)
@@ -149,7 +172,7 @@ def scattered(names, items, pattern, **wildcards):
 
 def pieces(table):
     """Files that make up one of the tables."""
-    seeds, surfaces = config["select"]["seeds"], config["sweep"]["surfaces"]
+    surfaces = config["sweep"]["surfaces"]
     if table == "reach":
         return expand("<results>/reach/{system}.csv", system=SYSTEMS)
     if table == "sweep":
@@ -160,7 +183,11 @@ def pieces(table):
         return [path for paths in jobs for path in paths]
     end = "" if table == "trials" else f"-{table}"
     pattern = f"<results>/trials/{{system}}-{{method}}-{{scatteritem}}{end}.csv"
-    every = [scattered(gather.seeds, seeds, pattern, system=name, method=methods_of(name)) for name in SYSTEMS]
+    every = [
+        scattered(gather.seeds, seeds_of(method), pattern, system=name, method=method)
+        for name in SYSTEMS
+        for method in methods_of(name)
+    ]
     return [path for paths in every for path in paths]
 
 
