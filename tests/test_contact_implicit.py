@@ -113,7 +113,7 @@ def test_sensitivities_are_the_slopes_of_the_readings(system, exact):
 def test_the_programmes_derivatives_are_those_of_finite_differences(system):
     """Jacobian and Hessian of the Lagrangian, put together from steps, along a random direction of all variables."""
     made, rho, rng, size = planner(system, 50), robot(system), np.random.default_rng(3), 1e-6
-    programme, p = made.programme, np.append(rho, 1e-2)
+    programme, p = made.programme, np.concatenate([rho, [1e-2], np.eye(len(rho)).ravel()])
     x = programme.pack(TOUCHING[system.name], made.simulate(TOUCHING[system.name], rho, 1e-2))
     slope, curve = programme.options["jac_g"], programme.options["hess_lag"]
     symbols, cost = [programme.problem["x"], programme.problem["p"]], programme.problem["f"]
@@ -139,7 +139,7 @@ def test_the_trace_is_the_motions_and_its_slope_in_the_design_is_exact(system):
     motion = made.simulate(design, rho, eps)
     assert made.programme.information(made.programme.pack(design, motion)) == pytest.approx(motion.information)
     programme, x = made.programme, made.programme.pack(design, motion)
-    jacobian, d = programme.options["jac_g"](x, np.append(rho, eps))[1].sparse(), programme.designs
+    jacobian, d = programme.options["jac_g"](x, [*rho, eps, *np.eye(len(rho)).ravel()])[1].sparse(), programme.designs
     way = np.random.default_rng(4).standard_normal(d)
     total = spsolve(jacobian[:, d:].tocsc(), -jacobian[:, :d] @ way)[0]  # by the implicit function theorem
     ahead, back = (
@@ -174,3 +174,13 @@ def test_a_stage_that_ran_out_gathers_no_less_than_its_start(system):
     assert not plan.solved
     assert plan.information >= made.simulate(start, rho, 1e-2).information
     assert plan.residual == pytest.approx(1e-2, rel=1e-3)
+
+
+def test_what_is_known_well_counts_less(system):
+    """In units that leave out all parameters but one, the trace is that one's information."""
+    made, rho = planner(system, 50), robot(system)
+    alone = np.diag(np.arange(len(rho)) == 1).astype(float)
+    all_of_them = made.simulate(TOUCHING[system.name], rho, 1e-2)
+    one = made.simulate(TOUCHING[system.name], rho, 1e-2, alone)
+    assert one.information == pytest.approx((all_of_them.sensitivity[..., 1] ** 2).sum())
+    assert one.information < all_of_them.information

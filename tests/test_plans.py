@@ -15,7 +15,7 @@ BUDGET = {"transcription": {"intervals": 1000, "eps": [1e-2], "iterations": 1}}
 def played(system):
     """A task, and the plan of one that touches, which one iteration leaves as good as it was."""
     p = len(system.nominal)
-    task = Task(system, system.template, np.ones((1, p)), np.eye(p), 0, 1, BUDGET, np.random.default_rng(0))
+    task = Task(system, np.ones((1, p)), np.eye(p), 0, 1, BUDGET, np.random.default_rng(0))
     return task, planner(system, 1000).plan(np.ones(p), TOUCHING[system.name], [1e-2], 1)
 
 
@@ -44,7 +44,7 @@ def test_a_plan_without_contact_is_compared_with_nothing(system, played):
 
 
 def test_a_row_says_what_the_plan_found(config, system):
-    least = {"design": {**config["design"], "transcription": BUDGET["transcription"]}, "reach": {"seeds": [200]}}
+    least = {"design": {**config["design"], "transcription": BUDGET["transcription"]}, "reach": {"planned": [200]}}
     table, forces = plans.run_plans({**config, **least}, system.name, lambda line: None)
     assert list(table) == plans.COLUMNS and list(forces) == plans.FORCES
     (row,) = table.itertuples()

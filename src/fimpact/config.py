@@ -96,7 +96,7 @@ def _contradictions(config: dict) -> Iterator[str]:
         yield f"design.transcription.eps is {eps}; each must be less than the one before: contact is tightened"
     for method in config["select"].get("first", {}):
         if method in NEEDED:
-            yield f"select.first has {method}, which all others are compared with, so that it needs all seeds; remove it"
+            yield f"select.first has {method}, which all others are compared with on all seeds; remove it"
     for table in ("select", "sweep"):
         for needed in NEEDED:
             if needed not in config[table]["methods"]:

@@ -234,15 +234,15 @@ def _units(known: np.ndarray) -> np.ndarray:
 
 
 def transcribe(task: Task, start: np.ndarray | None = None) -> Plan:
-    """The plan behind `contact_implicit`.
+    """The plan behind `contact_implicit`, from `start` (d,) or from uniform draws.
 
     Parameters are counted in units of what is not known of them yet, so that the trace does not ask for the same
     direction round by round; before the first experiment that is the paper's trace. A plan that does not touch when it
     is played on its own robot, whose contact is soft, may be of one that cannot; then what else is believed is tried in
     turn, from other starts, and the most telling plan taken.
     """
-    starts = _draws(task, 1 + len(task.beliefs))
-    starts[0] = start if start is not None else starts[0]
+    tries = 1 + len(task.beliefs)
+    starts = _draws(task, tries) if start is None else np.tile(start, (tries, 1))
     estimate = task.estimate if task.estimate is not None else task.beliefs.mean(0)
     settings, plans = task.budget["transcription"], []
     made, units, values = planner(task.system, settings["intervals"]), _units(task.known), []

@@ -42,7 +42,7 @@ def final(table: pd.DataFrame) -> pd.DataFrame:
         missing = list(last.index[last[method].isna()])
         if missing:
             raise ValueError(
-                f"method '{method}' has no rows for seeds {missing}, which others have; all are compared with it: run it"
+                f"method '{method}' has no rows for seeds {missing}; others, which have, are compared with it: run it"
             )
     return last
 
@@ -53,17 +53,16 @@ def reduction(error: pd.Series, baseline: pd.Series) -> tuple[float, float, floa
     Args:
         error, baseline: final errors, shape (seeds,), in the same order of seeds; those that lack either are left out.
     """
-    both = np.isfinite(error) & np.isfinite(baseline)
-    error, baseline = error[both], baseline[both]
+    pair = np.array([error, baseline], float)
+    pair = pair[:, np.isfinite(pair).all(0)]
 
     def statistic(a, b, axis=-1):
         return 1 - np.median(a, axis=axis) / np.median(b, axis=axis)
 
-    pair = (np.asarray(error, float), np.asarray(baseline, float))
-    if len(error) < 2:
+    if pair.shape[1] < 2:
         return float(statistic(*pair)), np.nan, np.nan
     interval = bootstrap(
-        pair,
+        tuple(pair),
         statistic,
         paired=True,
         confidence_level=CONFIDENCE,
