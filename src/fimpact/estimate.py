@@ -18,6 +18,7 @@ from fimpact.search import Campaign, Mode, posterior_cost, prior_mode, search
 SAME_OPTIMUM = 2.0  # difference in log-likelihood below which two starts count as agreeing
 FAR = "far above the noise"  # status of a fit that cannot be right: its estimate and interval claim nothing
 NARROW = 0.1  # relative standard deviation below which draws of the posterior are as good as the estimate
+LAST = 3  # exact evaluations, at most, of a fit that has converged but for the error of its differences
 RESAMPLED = 32  # draws of the Laplace approximation for every draw of the posterior
 
 
@@ -58,7 +59,7 @@ def estimate(campaign: Campaign, settings: dict, carried: list[Mode], rng: np.ra
     if not fits:
         nothing = np.full((len(campaign.guess),) * 2, np.nan)
         return Estimate(campaign.guess * np.nan, nothing, np.inf, 0.0, carried, "failed: no start could be simulated")
-    exact = _polish(campaign, fits[0].x, settings, _exactly)
+    exact = _polish(campaign, fits[0].x, {**settings, "evaluations": LAST}, _exactly)
     return _conclude(campaign, fits if exact is None else [exact, *fits[1:]])
 
 
