@@ -163,3 +163,15 @@ def test_a_plan_that_does_not_touch_is_tried_again_from_another_start(task, monk
     monkeypatch.setattr("fimpact.design._touching", lambda task, values: False)
     twice, best = planned()
     assert twice > once and evaluate(task, best).max() >= evaluate(task, first).max()
+
+
+def test_what_cannot_be_simulated_is_worth_less_than_nothing(task, monkeypatch):
+    class Wild:
+        def linearise(self, rho, design, blind):
+            return None, np.stack([np.full((2, 3), size) for size in (np.nan, 1e200, 1e12, 0.0)])
+
+    monkeypatch.setattr("fimpact.design.forecaster", lambda system: Wild())
+    lost, endless, chaotic, silent = evaluate(task, np.zeros((4, 4)))
+    nothing = -np.log(3 * 0.09)
+    assert silent == pytest.approx(nothing) and lost == endless == pytest.approx(nothing - 1)
+    assert np.isfinite(chaotic)

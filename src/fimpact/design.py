@@ -169,11 +169,11 @@ def evaluate(task: Task, candidates: np.ndarray, blind: bool = False) -> np.ndar
     """
     rows = np.tile(task.beliefs, (len(candidates), 1))
     slopes = forecaster(task.system).linearise(rows, np.repeat(candidates, len(task.beliefs), 0), blind)[1]
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         information = task.known + slopes.transpose(0, 2, 1) @ slopes
-    valid = np.isfinite(information).all((1, 2))
-    values = np.full(len(rows), _nothing(task) - 1)
-    values[valid] = CRITERIA[task.budget["criterion"]](information[valid])
+        valid = np.isfinite(information).all((1, 2))
+        values = CRITERIA[task.budget["criterion"]](np.where(valid[:, None, None], information, task.known))
+    values = np.where(valid & np.isfinite(values), values, _nothing(task) - 1)
     return values.reshape(len(candidates), -1).mean(1)
 
 
