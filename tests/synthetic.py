@@ -4,8 +4,22 @@ import numpy as np
 import pandas as pd
 
 PARAMETERS = {"arm": ("inertia_1", "length_1"), "block": ("mass", "width")}
-FINAL = {"fisher": 0.02, "uniform": 0.25, "contact_blind": 0.12, "best_of_n": 0.05, "multisine": 0.2}
-TOUCH = {"fisher": 1.0, "uniform": 0.3, "contact_blind": 0.2, "best_of_n": 0.9, "multisine": 0.1}
+FINAL = {
+    "fisher": 0.02,
+    "contact_implicit": 0.03,
+    "uniform": 0.25,
+    "contact_blind": 0.12,
+    "best_of_n": 0.05,
+    "multisine": 0.2,
+}
+TOUCH = {
+    "fisher": 1.0,
+    "contact_implicit": 1.0,
+    "uniform": 0.3,
+    "contact_blind": 0.2,
+    "best_of_n": 0.9,
+    "multisine": 0.1,
+}
 
 
 def trials(final: dict, rounds: int = 1, contact: dict | None = None) -> pd.DataFrame:
@@ -33,7 +47,7 @@ def experiment(system, method, seed, number, size, trace, contact_steps) -> list
 
 
 def campaign(seeds: int = 8, rounds: int = 5, seed: int = 0, touch: dict | None = None) -> pd.DataFrame:
-    """Both systems and all five methods with scatter as in a real campaign; some experiments never touch."""
+    """Both systems and all six methods with scatter as in a real campaign; some experiments never touch."""
     rng, rows, chance = np.random.default_rng(seed), [], TOUCH | (touch or {})
     for system in PARAMETERS:
         for method, error in FINAL.items():
@@ -78,3 +92,22 @@ def reach(seeds: int = 4) -> pd.DataFrame:
         for hit in [int(system == "block" or seed > 0)]
     ]
     return pd.DataFrame(rows)
+
+
+def plans() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Plans of both systems and their forces: seed 0 finds no contact, seed 1 does, and MuJoCo's lasts longer."""
+    time = (np.arange(50) + 0.5) * 0.01
+    rows = [
+        {"system": system, "seed": seed, "correlation": [np.nan, 0.7][seed], "impulse_ratio": [np.nan, 1.1][seed]}
+        for system in PARAMETERS
+        for seed in range(2)
+    ]
+    forces = [
+        pd.DataFrame({"system": system, "seed": seed, "time": time, "axis": axis}).assign(
+            planned=seed * size * 50 * (np.arange(50) == 30), simulated=seed * size * 11 * (abs(np.arange(50) - 32) < 3)
+        )
+        for system in PARAMETERS
+        for seed in range(2)
+        for axis, size in (("normal", 1.0), ("tangential", -0.3))
+    ]
+    return pd.DataFrame(rows), pd.concat(forces)

@@ -27,7 +27,7 @@ def paper() -> dict:
     return yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
 
 
-@pytest.mark.parametrize("name", ["config", "smoke", "reference"])
+@pytest.mark.parametrize("name", ["config", "smoke", "reference", "ablation"])
 def test_shipped_configurations_are_valid(paper, name):
     shipped = yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text())
     shipped.pop("concealed", None)  # has a schema of its own
@@ -45,6 +45,8 @@ def test_shipped_configurations_are_valid(paper, name):
         ("select: {systems: [amr]}", ["select.systems[0] is 'amr'", "allowed: arm, block", "'arm'?"]),
         ("systems: {leg: {noise: 1}}", ["systems.leg is not known", "allowed: arm, block"]),
         ("select: {methods: [fihser]}", ["select.methods[0] is 'fihser'", "multisine", "did you mean 'fisher'?"]),
+        ("select: {first: {uniform: 3}}", ["select.first has uniform", "on all seeds; remove it"]),
+        ("select: {first: {uniforn: 3}}", ["select.first.uniforn is not", "did you mean 'uniform'?"]),
         ("select: {methods: [fisher]}", ["select.methods lacks uniform", "add it"]),
         ("sweep: {methods: [uniform]}", ["sweep.methods lacks fisher", "add it"]),
         (
@@ -111,8 +113,14 @@ def test_a_system_of_ones_own_is_allowed(paper, models):
     check(merged(paper, override), SCHEMA)
 
 
+def test_contact_is_tightened_and_never_relaxed(paper):
+    with pytest.raises(ValueError, match=r"design\.transcription\.eps is \[0\.1, 0\.1\]; each must be less"):
+        check(merged(paper, {"design": {"transcription": {"eps": [0.1, 0.1]}}}), SCHEMA)
+
+
 def test_the_schema_knows_what_the_package_offers():
     # The schema repeats these names because reading them from the package would import jax at every `snakemake`.
+    from fimpact.contact_implicit.bodies import PLANAR
     from fimpact.design import METHODS
     from fimpact.information import CRITERIA
     from fimpact.systems import SYSTEMS
@@ -121,6 +129,9 @@ def test_the_schema_knows_what_the_package_offers():
     assert set(names["methods"]["items"]["enum"]) == set(METHODS)
     assert set(names["design"]["properties"]["criterion"]["enum"]) == set(CRITERIA)
     assert {path.stem for path in checker.MJCF.glob("*.xml")} == set(SYSTEMS)
+    assert set(checker.PLANAR) == set(PLANAR)
+    assert set(checker.SEEN) == set(METHODS)
+    assert set().union(*checker.SEEN.values()) == set(names["design"]["properties"])
 
 
 def test_numbers_inside_braces_on_the_command_line_are_numbers(paper):

@@ -8,7 +8,7 @@ import synthetic
 from conftest import CLEAR, TOUCHING
 from PIL import Image
 
-from fimpact import curve, examples, figures, truth
+from fimpact import curve, examples, figures, forces, truth
 from fimpact.looks import log_places, power
 from fimpact.replay import replay
 from fimpact.scene import Scene, contacts, outline, plane_of_motion, surfaces
@@ -23,10 +23,11 @@ def drawings():
         "panels": lambda stem: figures.panels(trials, stem),
         "ablation": lambda stem: figures.ablation(trials, stem),
         "curve": lambda stem: figures.curve(sweep, trials, stem),
+        "forces": lambda stem: forces.draw(*synthetic.plans()[::-1], stem),
     }
 
 
-@pytest.mark.parametrize("name", ["panels", "ablation", "curve"])
+@pytest.mark.parametrize("name", ["panels", "ablation", "curve", "forces"])
 def test_figures_are_stable_byte_by_byte(drawings, name, tmp_path):
     for turn in ("first", "second"):
         drawings[name](tmp_path / turn)
@@ -36,10 +37,10 @@ def test_figures_are_stable_byte_by_byte(drawings, name, tmp_path):
     assert not plt.get_fignums()
 
 
-@pytest.mark.parametrize(("name", "count"), [("panels", 4), ("ablation", 2), ("curve", 2)])
+@pytest.mark.parametrize(("name", "count"), [("panels", 4), ("ablation", 2), ("curve", 2), ("forces", 4)])
 def test_every_panel_says_what_it_shows(drawings, name, count, monkeypatch):
     drawn = []
-    for module in (figures, curve):
+    for module in (figures, curve, forces):
         monkeypatch.setattr(module, "write", lambda figure, stem: drawn.append(figure))
     drawings[name]("unused")
     panels = drawn[0].axes
@@ -58,6 +59,26 @@ def test_experiments_that_tell_nothing_are_drawn_as_none(monkeypatch):
     assert "none" in [label.get_text() for label in information.get_yticklabels()]
     assert information.get_title("left") == "Arm: none at random in 3 of 3 seeds"
     plt.close(drawn[0])
+
+
+def test_methods_that_did_not_run_are_left_out_of_the_panels(monkeypatch):
+    trials, drawn = synthetic.campaign(3, 2), []
+    monkeypatch.setattr(figures, "write", lambda figure, stem: drawn.append(figure))
+    for table in (trials, trials[trials.method != "contact_implicit"]):
+        figures.panels(table, "unused")
+    assert [len(figure.axes[0].lines) for figure in drawn] == [3, 2]
+    plt.close("all")
+
+
+def test_the_first_plan_that_touches_is_drawn_around_its_contact(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(forces, "write", lambda figure, stem: drawn.append(figure))
+    forces.draw(*synthetic.plans()[::-1], "unused")
+    normal, tangential = drawn[0].axes[:2]
+    assert normal.get_title("left") == "Arm, seed 1: correlation 0.70"
+    assert tangential.get_title("left") == "MuJoCo's impulse: 1.10 of the plan's"
+    assert 0.2 < normal.get_xlim()[0] < 0.305 < 0.345 < normal.get_xlim()[1] < 0.45
+    plt.close("all")
 
 
 def test_ticks_are_round_and_few():

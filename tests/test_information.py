@@ -14,7 +14,7 @@ def test_forward_sensitivities_through_contact_match_central_differences(system)
     slope = compiled.linearise(system.template, one, design).sensitivity[0]
     h = 1e-6
     both = np.vstack([one + h * np.eye(len(one)), one - h * np.eye(len(one))])
-    up, down = np.split(compiled.predict(system.template, both, design).measurement, 2)
+    up, down = np.split(compiled.linearise(system.template, both, design).measurement, 2)
     assert np.abs(slope).max() > 100
     assert np.abs(slope - ((up - down) / (2 * h)).T).max() < 1e-3 * np.abs(slope).max()
 
@@ -38,7 +38,9 @@ def test_fisher_information_is_the_mean_of_the_papers_empirical_one():
     ("name", "value"), [("trace", np.log(111)), ("A", -np.log(1.11)), ("D", np.log(1000)), ("E", 0.0)]
 )
 def test_criteria_of_a_known_matrix(name, value):
-    assert CRITERIA[name](jnp.diag(jnp.array([1.0, 10.0, 100.0]))) == pytest.approx(value, abs=1e-12)
+    known = np.diag([1.0, 10.0, 100.0])
+    assert CRITERIA[name](known) == pytest.approx(value, abs=1e-12)
+    assert CRITERIA[name](np.stack([known, 2 * known])).shape == (2,)
 
 
 def test_identifiability_names_the_invisible_direction():
@@ -47,18 +49,3 @@ def test_identifiability_names_the_invisible_direction():
     assert "height" in report.verdict[1] and "hardly more than the prior" in report.verdict[1]
     assert report.verdict[2] == "+1.00 width: known to 1 %"
     assert report.standard_errors[0] == pytest.approx(0.3)
-
-
-def test_climbing_gradient_matches_central_differences(systems):
-    block = systems["block"]
-    climb, one, known = programs(block).climb, np.ones(3), np.eye(3) / 0.09
-    value, gradient = climb("A", block.template, one, TOUCHING["block"], known, False)
-    h = 1e-6
-
-    def at(i, sign):
-        moved = TOUCHING["block"] + sign * h * (np.arange(4) == i)
-        return climb("A", block.template, one, moved, known, False)[0]
-
-    numeric = np.array([(at(i, 1) - at(i, -1)) / (2 * h) for i in range(4)])
-    assert np.isfinite(value)
-    assert np.allclose(gradient, numeric, rtol=1e-3, atol=1e-3 * np.abs(numeric).max())

@@ -20,14 +20,17 @@ SETTINGS = {
 CHECK = """
 import numpy as np
 from fimpact import truth
+from fimpact.forecast import forecaster
 from fimpact.programs import programs
 from fimpact.systems import make_system
 cart = make_system("cart", {settings})
 push = np.full(4, 3.0)
 measured, steps = truth.simulate(cart, 1.2 * cart.nominal, push)
-predicted = programs(cart).predict(cart.template, np.array([1.2]), push)
-assert steps > 0 and predicted.closest[0] < 0
-assert np.abs(predicted.measurement[0] * 0.1 - measured.ravel()).max() < 1e-6 * np.abs(measured).max()
+assert steps > 0
+forecast = forecaster(cart).forecast(np.array([[1.2]]), push[None])
+assert forecast.closest[0] < 0 < forecast.first[0]
+for predicted in (forecast, programs(cart).linearise(cart.template, np.array([1.2]), push)):
+    assert np.abs(predicted.measurement[0] * 0.1 - measured.ravel()).max() < 1e-6 * np.abs(measured).max()
 """
 
 

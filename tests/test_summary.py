@@ -96,6 +96,14 @@ def test_missing_seed_is_an_error_not_a_smaller_table(known):
         summarised(known[~((known.method == "fisher") & (known.seed == 2))])
 
 
+def test_a_method_of_fewer_seeds_is_compared_on_those():
+    trials = synthetic.trials({"fisher": [0.1] * 4, "uniform": [0.4, 0.4, 0.2, 0.2], "contact_implicit": [0.1] * 4})
+    trials = trials[~((trials.method == "contact_implicit") & (trials.seed < 2))]
+    found = row(summarised(trials), "contact_implicit")
+    assert found.seeds == 2 and found.reduction == pytest.approx(0.5) and found.fisher_reduction == pytest.approx(0)
+    assert row(summarised(trials), "fisher").seeds == 4 and found.information_ratio_min == 1
+
+
 def test_information_ratio_knows_experiments_that_tell_nothing(known):
     at = (known["round"] == 1) & (known.method == "uniform")
     known.loc[at & (known.seed == 0), "information_trace"] = 4e-27  # rounding of a sensor that never fired
@@ -129,7 +137,7 @@ def test_coverage_per_parameter_is_of_the_last_round():
     diagnostics = synthetic.diagnose(trials)
     diagnostics.loc[diagnostics["round"] == 1, "covered"] = 0
     table = coverage(diagnostics, trials)
-    assert len(table) == 2 * 5 * 2
+    assert len(table) == 2 * 6 * 2
     assert (table.covered == 0.75).all() and (table.seeds == 4).all()
     assert "| arm | inertia_1 | 75 % | 2.0 % | 4 | 0 |" in coverage_to_markdown(table)
 

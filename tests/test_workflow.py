@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 SNAKEMAKE = Path(sys.executable).with_name("snakemake")
 SMOKE = ["--configfile", "config/smoke.yaml"]
 DRAWN = {"panels", "ablation", "curve"}
-SIMULATED = {"trials", "sweep", "reach", "identifiability"}
+SIMULATED = {"trials", "sweep", "reach", "plans", "identifiability"}
 
 
 def snakemake(tree: Path, *arguments: str) -> subprocess.CompletedProcess:
@@ -72,7 +72,7 @@ def test_one_figure_needs_only_its_own_table(fresh):
         "ablation": 1,
         "compile": 2,
         "gather": 1,
-        "trials": 10,
+        "trials": 12,
     }
 
 
@@ -82,7 +82,7 @@ def test_one_part_is_one_job(fresh):
 
 def test_more_parts_than_seeds_leave_none_empty(fresh):
     jobs = planned(fresh, "results/smoke/trials.csv", *SMOKE, "--set-scatter", "seeds=20")
-    assert jobs == {"compile": 2, "gather": 1, "trials": 20}
+    assert jobs == {"compile": 2, "gather": 1, "trials": 22}  # contact_implicit runs on the first seed alone
 
 
 def test_committed_tables_are_drawn_without_a_simulation(fresh):
@@ -115,7 +115,7 @@ def test_nothing_runs_twice(finished):
 
 @pytest.mark.parametrize(
     ("edited", "rules"),
-    [("looks.py", DRAWN | {"example"}), ("progress.py", set())],
+    [("looks.py", DRAWN | {"example", "forces"}), ("progress.py", set())],
     indirect=["edited"],
 )
 def test_an_edit_reruns_what_depends_on_it(edited, rules):
@@ -125,13 +125,29 @@ def test_an_edit_reruns_what_depends_on_it(edited, rules):
 @pytest.mark.parametrize("edited", ["systems/block.py"], indirect=True)
 def test_an_edited_system_does_not_rerun_the_other(edited):
     jobs = planned(edited, *SMOKE)
-    assert (jobs["trials"], jobs["sweep"], jobs["reach"], jobs["example"]) == (5, 2, 1, 1)
+    assert (jobs["trials"], jobs["sweep"], jobs["reach"], jobs["example"]) == (6, 2, 1, 1)
 
 
 def test_changed_noise_of_one_system_does_not_rerun_the_other(finished):
     (finished / "noise.yaml").write_text("systems: {block: {noise: 0.123}}")
     jobs = planned(finished, *SMOKE, "noise.yaml")
-    assert (jobs["trials"], jobs["sweep"], jobs["reach"], jobs["example"]) == (5, 2, 1, 1)
+    assert (jobs["trials"], jobs["sweep"], jobs["reach"], jobs["example"]) == (6, 2, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("override", "jobs"),
+    [
+        ("gradients: 3", {"trials": 6, "sweep": 2, "reach": 2, "identifiability": 2}),
+        ("sigma: 0.2", {"trials": 4, "sweep": 2, "reach": 2, "identifiability": 2}),
+        ("transcription: {iterations: 4}", {"trials": 2, "plans": 2}),
+        ("draws: 3", {"trials": 8, "plans": 2, "reach": 2, "identifiability": 2}),  # the sweep has its own
+    ],
+)
+def test_a_key_of_the_design_reruns_the_methods_that_look_at_it(finished, override, jobs):
+    overlay = override.startswith("gradients")
+    (finished / "design.yaml").write_text(f"design: {{{override}}}" + "\nsweep: {design: {gradients: 3}}" * overlay)
+    found = planned(finished, *SMOKE, "design.yaml")
+    assert {rule: found.get(rule, 0) for rule in SIMULATED} == {rule: jobs.get(rule, 0) for rule in SIMULATED}
 
 
 def test_changed_sweep_does_not_rerun_the_trials(finished):
@@ -171,6 +187,8 @@ def _imports(path: Path) -> Iterator[str]:
     [
         ("trial", ["trials", "sweep"]),
         ("reach", ["reach", "identifiability"]),
+        ("plans", ["plans"]),
+        ("forces", ["forces"]),
         ("tables", ["gather"]),
         ("summary", ["summary"]),
         ("figures", ["panels", "ablation", "curve"]),
@@ -184,6 +202,6 @@ def test_the_lists_of_package_files_are_complete(stage, scripts):
     # where jax is not used; reach imports trial for its random numbers, which imports an estimator it never calls.
     apart = {package / f"{name}.py" for name in ("progress", "__init__", "runtime")}
     apart |= set((package / "systems").glob("*.py")) - {package / "systems" / f"{n}.py" for n in ("__init__", "base")}
-    apart |= {package / "estimate.py"} if stage == "reach" else set()
+    apart |= {package / "estimate.py"} if stage in ("reach", "plans") else set()
     found = set().union(*(imported(ROOT / "workflow" / "scripts" / f"{script}.py") for script in scripts))
     assert found - apart == listed - apart

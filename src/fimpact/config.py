@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import reduce
+from itertools import pairwise
 from math import isfinite
 from operator import getitem
 from pathlib import Path
@@ -13,7 +14,17 @@ from jsonschema import Draft202012Validator
 from fimpact.complaints import in_words, most_telling, name
 
 MJCF = Path(__file__).parent / "systems"
+PLANAR = ("arm", "block")  # systems with rigid-body terms for contact_implicit, which does not run for others
 NEEDED = ("fisher", "uniform")  # the design that is shown, and the baseline
+SEARCH = ("criterion", "draws", "spread", "approach", "generations", "sigma", "gradients")
+SEEN = {  # keys of `design` that a method looks at; a change of others does not rerun it
+    "fisher": SEARCH,
+    "contact_implicit": ("criterion", "draws", "transcription"),
+    "uniform": (),
+    "contact_blind": SEARCH,
+    "best_of_n": tuple(key for key in SEARCH if key != "sigma"),
+    "multisine": (),
+}
 
 
 def check(config: dict, schema: Path) -> None:
@@ -80,6 +91,12 @@ def _contradictions(config: dict) -> Iterator[str]:
             yield f"{name(path)} is {number}; it must be a finite number"
     for system, settings in config["systems"].items():
         yield from _system(system, settings)
+    eps = config["design"]["transcription"]["eps"]
+    if any(after >= before for before, after in pairwise(eps)):
+        yield f"design.transcription.eps is {eps}; each must be less than the one before: contact is tightened"
+    for method in config["select"].get("first", {}):
+        if method in NEEDED:
+            yield f"select.first has {method}, which all others are compared with on all seeds; remove it"
     for table in ("select", "sweep"):
         for needed in NEEDED:
             if needed not in config[table]["methods"]:

@@ -1,33 +1,32 @@
-"""Five ways to choose the next experiment, under the same bounds and horizon.
+"""Six ways to choose the next experiment, under the same bounds and horizon.
 
 `fisher` is contact-implicit: no contact schedule is given. It starts from spread draws and searches around the
-best with a covariance-adapting strategy (CMA-ES); exact forward-mode gradients refine what it found. If none of the
+best with a covariance-adapting strategy (CMA-ES); gradients refine what it found. If none of the
 draws touches, information is flat, and the same strategy first closes the gap to the surface.
 
 What optimises does so for what is believed, not for one guess: the criterion is its mean over a few draws of the
 posterior. A design that only works if the estimate is right teaches nothing when it is wrong. While the posterior is
 that wide, gradients are left out: the search is the better use of the time.
+
+`contact_implicit` is the paper's own way: direct transcription with complementarity, for the trace of information at
+the estimate (`fimpact.contact_implicit`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 
-from fimpact.engine import mjx
-
-import jax
 import numpy as np
 from cmaes import CMA
 
+from fimpact.contact_implicit.plan import Plan, planner
+from fimpact.forecast import forecaster
 from fimpact.information import CRITERIA
-from fimpact.programs import programs
-from fimpact.rollout import remove_contact
 from fimpact.systems.base import System
 
 POPULATION = 16
-WIDTH = 64  # of a batch of criteria
 TOLD = 1e-3  # gain in a (logarithmic) criterion above which a candidate is taken to have touched
 AFAR = 0.25  # first step of an approach, as a share of the range
+NUDGE = 1e-4  # share of the range by which a gradient's differences are taken
 STEPS = 0.5 ** np.arange(4, 12)  # of a search along a gradient, in shares of the inputs' range; one batch
 
 
@@ -38,13 +37,13 @@ class Task:
     round, its budget and its random numbers."""
 
     system: System
-    model: mjx.Model
     beliefs: np.ndarray
     known: np.ndarray
     round: int
     rounds: int
     budget: dict
     rng: np.random.Generator
+    estimate: np.ndarray | None = None  # (p,), where contact_implicit plans; the mean of the beliefs if not given
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,8 @@ def _touching(task: Task, values: np.ndarray) -> bool:
 def _allowance(task: Task, clear: bool) -> int:
     """Candidates that a search may simulate; more of them if it has to approach the surface first."""
     budget, inputs = task.budget, len(task.system.inputs.bounds[0])
-    # A forward-mode gradient carries every sensitivity once more per design variable: so many candidates.
-    refining = budget["gradients"] * (1 + inputs + len(STEPS)) if len(task.beliefs) == 1 else 0
+    # A gradient simulates a candidate per design variable.
+    refining = budget["gradients"] * (inputs + len(STEPS)) if len(task.beliefs) == 1 else 0
     approaching = budget["spread"] + POPULATION * budget["approach"] if clear else 0
     return 1 + budget["spread"] + POPULATION * budget["generations"] + refining + approaching
 
@@ -107,7 +106,7 @@ def _gap_left(task: Task, candidates: np.ndarray) -> np.ndarray:
     It has a slope where information has none, and needs no sensitivities.
     """
     rows = np.tile(task.beliefs, (len(candidates), 1))
-    seen = programs(task.system).predict(task.model, rows, np.repeat(candidates, len(task.beliefs), 0))
+    seen = forecaster(task.system).forecast(rows, np.repeat(candidates, len(task.beliefs), 0))
     share = np.where(seen.first > 0, np.maximum(seen.closest, 0) / np.where(seen.first > 0, seen.first, 1), 0)
     return np.where(np.isfinite(share), share, 1).reshape(len(candidates), -1).mean(1)
 
@@ -146,7 +145,8 @@ def _refine(task: Task, best: np.ndarray, value: float, blind: bool) -> tuple[np
     low, high = task.system.inputs.bounds
     sure = len(task.beliefs) == 1  # a gradient for every belief would cost more than the whole search
     for _ in range(task.budget["gradients"] if sure else 0):
-        slope = _gradient(task, best, blind) * (high - low)
+        nudges = best + NUDGE * np.diag(np.where(best > (low + high) / 2, low - high, high - low))
+        slope = (evaluate(task, nudges, blind) - value) / np.diag(nudges - best) * (high - low)
         if not (np.isfinite(slope).all() and slope.any()):
             break
         line = best + STEPS[:, None] * slope / np.linalg.norm(slope) * (high - low)
@@ -155,12 +155,6 @@ def _refine(task: Task, best: np.ndarray, value: float, blind: bool) -> tuple[np
             break
         best, value = line.clip(low, high)[np.argmax(values)], float(values.max())
     return best, value
-
-
-def _gradient(task: Task, design: np.ndarray, blind: bool) -> np.ndarray:
-    model = remove_contact(task.model) if blind else task.model
-    climb, name = programs(task.system).climb, task.budget["criterion"]
-    return np.asarray(climb(name, model, task.beliefs[0], design, task.known, blind)[1])
 
 
 def _draws(task: Task, count: int) -> np.ndarray:
@@ -173,33 +167,19 @@ def evaluate(task: Task, candidates: np.ndarray, blind: bool = False) -> np.ndar
 
     Where a belief cannot be simulated, the candidate is worth less than nothing learnt.
     """
-    model = remove_contact(task.model) if blind else task.model
     rows = np.tile(task.beliefs, (len(candidates), 1))
-    point = programs(task.system).linearise(model, rows, np.repeat(candidates, len(task.beliefs), 0))
-    slopes = point.motion if blind else point.sensitivity
-    with np.errstate(over="ignore", invalid="ignore"):
+    slopes = forecaster(task.system).linearise(rows, np.repeat(candidates, len(task.beliefs), 0), blind)[1]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         information = task.known + slopes.transpose(0, 2, 1) @ slopes
-    values = _criterion(task, information)
-    values = np.where(np.isfinite(values), values, _nothing(task) - 1)
+        valid = np.isfinite(information).all((1, 2))
+        values = CRITERIA[task.budget["criterion"]](np.where(valid[:, None, None], information, task.known))
+    values = np.where(valid & np.isfinite(values), values, _nothing(task) - 1)
     return values.reshape(len(candidates), -1).mean(1)
-
-
-def _criterion(task: Task, information: np.ndarray) -> np.ndarray:
-    # Filled up to one width: every other shape would compile again.
-    count = len(information)
-    fill = np.arange(-(-count // WIDTH) * WIDTH) % count
-    parts = information[fill].reshape(-1, WIDTH, *information.shape[1:])
-    return np.concatenate([_compiled(task.budget["criterion"])(part) for part in parts])[:count]
-
-
-@cache
-def _compiled(criterion: str) -> Callable:
-    return jax.jit(jax.vmap(CRITERIA[criterion]))
 
 
 def _nothing(task: Task) -> float:
     """Value of an experiment that tells nothing."""
-    return float(_criterion(task, task.known[None])[0])
+    return float(CRITERIA[task.budget["criterion"]](task.known))
 
 
 def contact_blind(task: Task) -> Design:
@@ -233,10 +213,53 @@ def multisine(task: Task) -> Design:
     return Design(((inputs.low + inputs.high) / 2 + rows * (inputs.high - inputs.low) / 2).ravel(), np.nan, 0)
 
 
+def contact_implicit(task: Task, start: np.ndarray | None = None) -> Design:
+    """The paper's direct transcription: the most information at the estimate, through rigid contact.
+
+    Of the stages' designs, from contact felt from afar to rigid contact, that is taken which tells most where contact
+    is soft: rigid contact is infinitely telling where it is grazed, and soft contact is not.
+
+    Args:
+        start: initial design (d,); a uniform draw if not given.
+    """
+    found = transcribe(task, start)
+    values = evaluate(task, found.designs)
+    return Design(found.designs[np.argmax(values)], float(values.max()), found.iterations + len(values))
+
+
+def _units(known: np.ndarray) -> np.ndarray:
+    """Directions of the relative parameters, (p, p) by columns, in proportion to what is not known along them."""
+    values, vectors = np.linalg.eigh(known)
+    return vectors * np.sqrt(values.min() / values)
+
+
+def transcribe(task: Task, start: np.ndarray | None = None) -> Plan:
+    """The plan behind `contact_implicit`, from `start` (d,) or from uniform draws.
+
+    Parameters are counted in units of what is not known of them yet, so that the trace does not ask for the same
+    direction round by round; before the first experiment that is the paper's trace. A plan that does not touch when it
+    is played on its own robot, whose contact is soft, may be of one that cannot; then what else is believed is tried in
+    turn, from other starts, and the most telling plan taken.
+    """
+    tries = 1 + len(task.beliefs)
+    starts = _draws(task, tries) if start is None else np.tile(start, (tries, 1))
+    estimate = task.estimate if task.estimate is not None else task.beliefs.mean(0)
+    settings, plans = task.budget["transcription"], []
+    made, units, values = planner(task.system, settings["intervals"]), _units(task.known), []
+    for rho, first in zip([estimate, *task.beliefs], starts, strict=True):
+        plans.append(made.plan(rho, first, settings["eps"], settings["iterations"], units))
+        values.append(evaluate(replace(task, beliefs=rho[None]), plans[-1].designs))
+        if _touching(task, values[-1]):
+            break
+    best = plans[np.argmax([value.max() for value in values])]
+    return replace(best, iterations=sum(plan.iterations for plan in plans))
+
+
 METHODS: dict[str, Callable[[Task], Design]] = {
     "fisher": fisher,
     "uniform": uniform,
     "contact_blind": contact_blind,
     "best_of_n": best_of_n,
     "multisine": multisine,
+    "contact_implicit": contact_implicit,
 }

@@ -1,7 +1,8 @@
 """Maximum likelihood with bounds and prior, from several starts, with covariance, agreement and a status.
 
-scipy's trust-region reflective least squares does the work: it takes bounds and our exact forward-mode Jacobian
-and stops with a reason. (optimistix has no bounds, and a compiled solver would cost a minute of compilation.)
+scipy's trust-region reflective least squares does the work: it takes bounds and our Jacobian and stops with a reason.
+(optimistix has no bounds, and a compiled solver would cost a minute of compilation.) Starts are fitted in MuJoCo C; the
+best of these fits ends in MJX, with exact forward-mode sensitivities.
 """
 
 from collections.abc import Sequence
@@ -10,12 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
+from fimpact.forecast import forecaster
 from fimpact.programs import programs
 from fimpact.search import Campaign, Mode, posterior_cost, prior_mode, search
 
 SAME_OPTIMUM = 2.0  # difference in log-likelihood below which two starts count as agreeing
 FAR = "far above the noise"  # status of a fit that cannot be right: its estimate and interval claim nothing
 NARROW = 0.1  # relative standard deviation below which draws of the posterior are as good as the estimate
+LAST = 3  # exact evaluations, at most, of a fit that has converged but for the error of its differences
 RESAMPLED = 32  # draws of the Laplace approximation for every draw of the posterior
 
 
@@ -56,7 +59,8 @@ def estimate(campaign: Campaign, settings: dict, carried: list[Mode], rng: np.ra
     if not fits:
         nothing = np.full((len(campaign.guess),) * 2, np.nan)
         return Estimate(campaign.guess * np.nan, nothing, np.inf, 0.0, carried, "failed: no start could be simulated")
-    return _conclude(campaign, fits)
+    exact = _polish(campaign, fits[0].x, {**settings, "evaluations": LAST}, _exactly)
+    return _conclude(campaign, fits if exact is None else [exact, *fits[1:]])
 
 
 def beliefs(campaign: Campaign, found: Estimate, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -103,16 +107,30 @@ def _mode(fit: OptimizeResult) -> Mode:
         return Mode(fit.x, vectors / np.sqrt(np.maximum(values, values[-1] * np.finfo(float).eps)))
 
 
-def _polish(campaign: Campaign, start: np.ndarray, settings: dict) -> OptimizeResult | None:
-    compiled = programs(campaign.system)
+def _exactly(campaign: Campaign, rho: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Measurements of all experiments and their derivatives, by MJX."""
+    return programs(campaign.system).linearise(campaign.model, rho, campaign.designs)
+
+
+def _quickly(campaign: Campaign, rho: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same by MuJoCo C and differences."""
+    return forecaster(campaign.system).linearise(np.tile(rho, (len(campaign.recordings), 1)), campaign.designs)
+
+
+def _polish(campaign: Campaign, start: np.ndarray, settings: dict, linearise=_quickly) -> OptimizeResult | None:
+    last: dict[bytes, tuple] = {}  # residual and slope of a point are asked one after the other
+
+    def at(rho: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if rho.tobytes() not in last:
+            last.clear()
+            last[rho.tobytes()] = linearise(campaign, rho)
+        return last[rho.tobytes()]
 
     def residual(rho: np.ndarray) -> np.ndarray:
-        predicted = compiled.predict(campaign.model, rho, campaign.designs).measurement
-        return np.append(predicted - campaign.measured, (rho - campaign.guess) / campaign.prior_sd)
+        return np.append(at(rho)[0] - campaign.measured, (rho - campaign.guess) / campaign.prior_sd)
 
     def jacobian(rho: np.ndarray) -> np.ndarray:
-        slope = compiled.linearise(campaign.model, rho, campaign.designs).sensitivity
-        return np.vstack([slope.reshape(-1, len(rho)), np.eye(len(rho)) / campaign.prior_sd])
+        return np.vstack([at(rho)[1].reshape(-1, len(rho)), np.eye(len(rho)) / campaign.prior_sd])
 
     try:
         fit = least_squares(

@@ -15,6 +15,8 @@ from fimpact.summary import percent, times
 
 __all__ = ["ablation", "curve", "panels"]
 
+LABELS = {DESIGNED: "designed", "contact_implicit": "IPOPT", BASELINE: "random"}  # of the panels' lines, if they ran
+
 
 def panels(trials: pd.DataFrame, stem: Path | str) -> None:
     """Draw error and information over experiments, a row per system, to `stem`.svg and `stem`.png."""
@@ -38,7 +40,7 @@ def ablation(trials: pd.DataFrame, stem: Path | str) -> None:
 
 
 def _error_panel(ax: Axes, system: str, trials: pd.DataFrame) -> None:
-    table = errors(trials).loc[[DESIGNED, BASELINE]]
+    table = errors(trials).loc[_shown(trials)]
     _bands(ax, table)
     _label(ax, table)
     log_ticks(ax.yaxis, *ax.get_ylim(), in_percent)
@@ -50,7 +52,7 @@ def _error_panel(ax: Axes, system: str, trials: pd.DataFrame) -> None:
 
 
 def _information_panel(ax: Axes, system: str, trials: pd.DataFrame) -> None:
-    table = information(trials).loc[[DESIGNED, BASELINE], 1:]
+    table = information(trials).loc[_shown(trials), 1:]
     least = table.where(table > 0).min(axis=None)
     # A logarithm has no zero: experiments that tell nothing lie on a line of their own below the least that does.
     floor = 10.0 ** np.floor(np.log10(least) - 0.5) if least > 0 else 1.0
@@ -75,10 +77,14 @@ def _compare(system: str, trials: pd.DataFrame) -> str:
     return f"{system.capitalize()}: none at random in {np.isinf(ratio).sum()} of {len(ratio)} seeds"
 
 
+def _shown(trials: pd.DataFrame) -> list[str]:
+    return [method for method in LABELS if method in set(trials.method)]
+
+
 def _bands(ax: Axes, table: pd.DataFrame) -> None:
     # Median and interquartile band over seeds.
     ax.set_yscale("log")
-    for method in (DESIGNED, BASELINE):
+    for method in table.index.unique("method"):
         _, colour, line, marker = METHODS[method]
         low, middle, high = (table.loc[method].quantile(q) for q in (0.25, 0.5, 0.75))
         ax.fill_between(table.columns, low, high, color=colour, alpha=0.2, linewidth=0)
@@ -89,8 +95,7 @@ def _bands(ax: Axes, table: pd.DataFrame) -> None:
 
 def _label(ax: Axes, table: pd.DataFrame) -> None:
     middle = final(table).median()
-    names = ((DESIGNED, "designed"), (BASELINE, "random"))
-    label_ends(ax, [(table.columns[-1], middle[method], name, METHODS[method][1]) for method, name in names])
+    label_ends(ax, [(table.columns[-1], middle[method], LABELS[method], METHODS[method][1]) for method in middle.index])
 
 
 def _strips(ax: Axes, system: str, trials: pd.DataFrame) -> None:

@@ -10,33 +10,28 @@ from typing import NamedTuple
 from fimpact.engine import mjx
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from fimpact.rollout import rollout
 from fimpact.systems.base import System
 
-ENCODER_NOISE = 1e-3  # rad or m; what a contact-blind designer of a silent force sensor looks at instead
-
 
 class Linearisation(NamedTuple):
-    """Whitened measurement (T * ny,), its sensitivity S (T * ny, p), and that of the motion (T * nq, p)."""
+    """Whitened measurement (T * ny,) and its sensitivity S (T * ny, p)."""
 
     measurement: jax.Array
     sensitivity: jax.Array
-    motion: jax.Array
 
 
 def linearise(system: System, model: mjx.Model, rho: jax.Array, design: jax.Array) -> Linearisation:
     """Prediction and its derivatives in the relative parameters, in one forward-mode pass through contact."""
 
     def whitened(rho: jax.Array) -> tuple:
-        run = rollout(system, model, rho * system.nominal, design)
-        measurement = run.measurement.ravel() / system.sensor.noise
-        return (measurement, run.qpos.ravel() / ENCODER_NOISE), measurement
+        measurement = rollout(system, model, rho * system.nominal, design).ravel() / system.sensor.noise
+        return measurement, measurement
 
-    (sensitivity, motion), measurement = jax.jacfwd(whitened, has_aux=True)(rho)
-    return Linearisation(measurement, sensitivity, motion)
+    sensitivity, measurement = jax.jacfwd(whitened, has_aux=True)(rho)
+    return Linearisation(measurement, sensitivity)
 
 
 def fisher(sensitivity: jax.Array) -> jax.Array:
@@ -55,13 +50,13 @@ def empirical_information(sensitivity: jax.Array, residual: jax.Array) -> jax.Ar
     return xi.T @ xi
 
 
-CRITERIA: dict[str, Callable[[jax.Array], jax.Array]] = {
-    "trace": lambda information: jnp.log(jnp.trace(information)),  # the paper's
-    "A": lambda information: -jnp.log(jnp.trace(jnp.linalg.inv(information))),  # mean squared error
-    "D": lambda information: jnp.linalg.slogdet(information)[1],  # volume of the confidence ellipsoid
-    "E": lambda information: jnp.log(jnp.linalg.eigvalsh(information)[0]),  # worst direction
+CRITERIA: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "trace": lambda information: np.log(np.trace(information, axis1=-2, axis2=-1)),  # the paper's
+    "A": lambda information: -np.log((1 / np.linalg.eigvalsh(information)).sum(-1)),  # mean squared error
+    "D": lambda information: np.linalg.slogdet(information)[1],  # volume of the confidence ellipsoid
+    "E": lambda information: np.log(np.linalg.eigvalsh(information)[..., 0]),  # worst direction
 }
-"""Scalars of a positive definite information matrix; a design maximises one of them."""
+"""Scalars of positive definite information matrices (..., p, p); a design maximises one of them."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, NullLoc
 # Okabe-Ito colours; line style and marker tell the methods apart in black and white.
 METHODS = {
     "fisher": ("designed (fisher)", "#0072B2", "-", "o"),
+    "contact_implicit": ("contact-implicit (IPOPT)", "#882255", (0, (5, 1)), "P"),
     "uniform": ("uniform random", "#D55E00", "--", "s"),
     "contact_blind": ("contact-blind design", "#CC79A7", "-.", "v"),
     "best_of_n": ("best of n random", "#009E73", ":", "D"),

@@ -32,16 +32,18 @@ def information(trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def final(table: pd.DataFrame) -> pd.DataFrame:
-    """Last round of `errors` or `information`; rows seeds, columns methods.
+    """Last round of `errors` or `information`; rows seeds, columns methods; NaN where a method did not run on a seed.
 
     Raises:
-        ValueError: a method lacks a seed that another has, so that the comparison cannot be paired.
+        ValueError: a method that all others are compared with lacks a seed, so that the comparison cannot be paired.
     """
     last = table.iloc[:, -1].unstack("method")
-    for method in last:
+    for method in last.columns.intersection([DESIGNED, BASELINE]):
         missing = list(last.index[last[method].isna()])
         if missing:
-            raise ValueError(f"method '{method}' has no rows for seeds {missing}; every method needs the same seeds")
+            raise ValueError(
+                f"method '{method}' has no rows for seeds {missing}; others, which have, are compared with it: run it"
+            )
     return last
 
 
@@ -49,17 +51,18 @@ def reduction(error: pd.Series, baseline: pd.Series) -> tuple[float, float, floa
     """1 - median(error) / median(baseline), and its 95 % bootstrap interval paired by seed.
 
     Args:
-        error, baseline: final errors, shape (seeds,), in the same order of seeds.
+        error, baseline: final errors, shape (seeds,), in the same order of seeds; those that lack either are left out.
     """
+    pair = np.array([error, baseline], float)
+    pair = pair[:, np.isfinite(pair).all(0)]
 
     def statistic(a, b, axis=-1):
         return 1 - np.median(a, axis=axis) / np.median(b, axis=axis)
 
-    pair = (np.asarray(error, float), np.asarray(baseline, float))
-    if len(error) < 2:
+    if pair.shape[1] < 2:
         return float(statistic(*pair)), np.nan, np.nan
     interval = bootstrap(
-        pair,
+        tuple(pair),
         statistic,
         paired=True,
         confidence_level=CONFIDENCE,
@@ -83,7 +86,7 @@ def information_ratio(trials: pd.DataFrame) -> pd.DataFrame:
     """
     gain = final(information(trials))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return gain.div(gain[BASELINE], axis=0).fillna(1.0)
+        return gain.div(gain[BASELINE], axis=0).fillna(1.0).where(gain.notna())
 
 
 def once(trials: pd.DataFrame) -> pd.DataFrame:

@@ -8,8 +8,8 @@ import pandas as pd
 from fimpact import truth
 from fimpact.design import Task, fisher, uniform
 from fimpact.estimate import beliefs, untried
+from fimpact.forecast import forecaster
 from fimpact.information import identifiability
-from fimpact.programs import programs
 from fimpact.search import Campaign
 from fimpact.systems import System, make_system
 from fimpact.trial import draw_truth, information, prior_precision, stream
@@ -38,7 +38,7 @@ def run_reach(config: dict, system: str, progress: Callable[[str], None]) -> pd.
 
 def _reach(config: dict, system: System, seed: int) -> tuple:
     rho, guess = draw_truth(system, seed)
-    task = _task(config, system, guess, stream(system, seed, "reach"))
+    task = first_task(config, system, guess, stream(system, seed, "reach"))
     start = contact_free(task, np.vstack([task.beliefs, guess, rho]), config["design"]["spread"])
     design = fisher(task, start=start).design
 
@@ -60,7 +60,7 @@ def contact_free(task: Task, rho: np.ndarray, count: int) -> np.ndarray:
         ValueError: there is none, not even close to the middle of the inputs.
     """
     middle = np.mean(task.system.inputs.bounds, 0)
-    rho = rho[programs(task.system).predict(task.model, rho, middle[None]).first > 0]
+    rho = rho[forecaster(task.system).forecast(rho, np.tile(middle, (len(rho), 1))).first > 0]
     kept, share = [], 1.0
     while len(kept) < count:
         if share < LEAST or not len(rho):
@@ -69,7 +69,7 @@ def contact_free(task: Task, rho: np.ndarray, count: int) -> np.ndarray:
                 f"move systems.{task.system.name}.surface away, or shorten the experiment (steps, timestep)"
             )
         draws = middle + share * (np.array([uniform(task).design for _ in range(count)]) - middle)
-        seen = programs(task.system).predict(task.model, np.tile(rho, (count, 1)), np.repeat(draws, len(rho), 0))
+        seen = forecaster(task.system).forecast(np.tile(rho, (count, 1)), np.repeat(draws, len(rho), 0))
         clear = (seen.closest > CLEAR * seen.first).reshape(count, -1).all(1)
         kept.extend(draws[clear])
         share *= SHRINK
@@ -80,9 +80,9 @@ def run_identifiability(config: dict, system: str) -> str:
     """Markdown report: what one designed experiment shows, direction by direction, weakest first."""
     made = make_system(system, config["systems"][system])
     rho = np.ones(len(made.nominal))
-    task = _task(config, made, rho, stream(made, 0, "identifiability"), sure=True)
+    task = first_task(config, made, rho, stream(made, 0, "identifiability"), sure=True)
     chosen = fisher(task).design
-    campaign = Campaign(made, task.model, (truth.run(made, made.nominal, chosen, 0.0),), rho, made.settings["prior"])
+    campaign = Campaign(made, made.template, (truth.run(made, made.nominal, chosen, 0.0),), rho, made.settings["prior"])
     report = identifiability(information(campaign, rho), [p.name for p in made.parameters], campaign.prior_sd)
     lines = [
         f"- eigenvalue {value:.3g}: {words}" for value, words in zip(report.eigenvalues, report.verdict, strict=True)
@@ -97,8 +97,9 @@ def run_identifiability(config: dict, system: str) -> str:
     )
 
 
-def _task(config: dict, system: System, rho: np.ndarray, rng: np.random.Generator, sure: bool = False) -> Task:
+def first_task(config: dict, system: System, rho: np.ndarray, rng: np.random.Generator, sure: bool = False) -> Task:
+    """The designer's task before the first experiment, for the first guess `rho` (p,); `sure`: of which it is sure."""
     campaign = Campaign(system, system.template, (), rho, system.settings["prior"])
     draws = beliefs(campaign, untried(campaign), config["design"]["draws"], rng)
     believed = rho[None] if sure else draws
-    return Task(system, campaign.model, believed, prior_precision(campaign), 0, 1, config["design"], rng)
+    return Task(system, believed, prior_precision(campaign), 0, 1, config["design"], rng, rho)

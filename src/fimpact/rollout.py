@@ -1,6 +1,4 @@
-"""Parameters and design to states and measurements, by `lax.scan` over `mjx.step`."""
-
-from typing import NamedTuple
+"""Parameters and design to measurements, by `lax.scan` over `mjx.step`."""
 
 from fimpact.engine import mjx, smooth, support
 
@@ -15,20 +13,11 @@ SEVERAL = [int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)]  # 
 ONLY_SLIDES = 2  # MuJoCo's mark of a body whose joints all slide; it then weighs its mass alone
 
 
-class Rollout(NamedTuple):
-    """One experiment: qpos (T, nq), qvel (T, nv), measurement (T, ny), contact distance (T, ncon) in m."""
-
-    qpos: jax.Array
-    qvel: jax.Array
-    measurement: jax.Array
-    distance: jax.Array
-
-
-def rollout(system: System, model: mjx.Model, theta: jax.Array, design: jax.Array) -> Rollout:
-    """Simulate one open-loop experiment.
+def rollout(system: System, model: mjx.Model, theta: jax.Array, design: jax.Array) -> jax.Array:
+    """Simulate one open-loop experiment and return what is measured, (T, ny), in the sensor's unit.
 
     Args:
-        model: `system.template`, or a variant of it with relaxed or removed contact.
+        model: `system.template`.
         theta: parameters, shape (p,), physical units.
         design: flat inputs, shape (knots * inputs,), in the units of `system.inputs`.
     """
@@ -36,10 +25,9 @@ def rollout(system: System, model: mjx.Model, theta: jax.Array, design: jax.Arra
     qpos, qvel, ctrl = system.launch(system, design)
     start = mjx.make_data(model).replace(qpos=qpos, qvel=qvel)
 
-    def advance(data: mjx.Data, u: jax.Array) -> tuple[mjx.Data, Rollout]:
+    def advance(data: mjx.Data, u: jax.Array) -> tuple[mjx.Data, jax.Array]:
         after = mjx.step(model, data.replace(ctrl=u))
-        y = system.sense(model, after, data.qvel)
-        return after, Rollout(data.qpos, data.qvel, y, after._impl.contact.dist)
+        return after, system.sense(model, after, data.qvel)
 
     return jax.lax.scan(advance, start, ctrl)[1]
 
@@ -76,9 +64,3 @@ def _alike(model: mjx.Model) -> np.ndarray:
     together = (joint[:, None] == joint) & (turns[:, None] == turns) & np.isin(kind, SEVERAL)
     together |= np.eye(model.nv, dtype=bool)
     return together / together.sum(1, keepdims=True)
-
-
-def remove_contact(model: mjx.Model) -> mjx.Model:
-    """The same program with contact that never acts: what a contact-blind designer believes."""
-    far = {name: jnp.full_like(getattr(model, name), -1e3) for name in ("pair_margin", "geom_margin")}
-    return model.replace(**far)

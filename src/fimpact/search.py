@@ -3,7 +3,7 @@
 The likelihood of contact data is rugged: two impacts that differ by a few milliseconds do not overlap, so their
 squared difference has no slope towards each other. Blurred in time, they do. A covariance-adapting search (CMA-ES)
 goes down the blurred and tempered likelihood first and follows it while it is sharpened. It needs predictions
-alone, which cost an eighth of a linearisation, and no slope that a missed impact would hide.
+alone, which MuJoCo C makes, and no slope that a missed impact would hide.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from fimpact.engine import mjx
 import numpy as np
 from cmaes import CMA
 
-from fimpact.programs import programs
+from fimpact.forecast import forecaster
 from fimpact.systems.base import System
 from fimpact.truth import Recording
 
@@ -142,7 +142,7 @@ def _draws(campaign: Campaign, count: int, carried: Sequence[Mode], rng: np.rand
 def _errors(campaign: Campaign, rho: np.ndarray) -> np.ndarray:
     """Predicted less measured, whitened, one row per rho and experiment: (n * r, T * ny)."""
     rows, designs = _pairs(campaign, rho)
-    predicted = programs(campaign.system).predict(campaign.model, rows, designs).measurement
+    predicted = forecaster(campaign.system).forecast(rows, designs).measurement
     return predicted - np.tile(campaign.measured, (len(rho), 1))
 
 
@@ -169,10 +169,10 @@ def _descend(campaign: Campaign, rho: np.ndarray, iterations: int) -> tuple[np.n
 def _expand(campaign: Campaign, rho: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cost (n,), gradient (n, p) and Gauss-Newton Hessian (n, p, p) of the negative log posterior."""
     rows, designs = _pairs(campaign, rho)
-    point = programs(campaign.system).linearise(campaign.model, rows, designs)
+    measurement, slope = forecaster(campaign.system).linearise(rows, designs)
     count, p = rho.shape
-    error = (point.measurement - np.tile(campaign.measured, (count, 1))).reshape(count, -1)
-    slope = point.sensitivity.reshape(count, -1, p)
+    error = (measurement - np.tile(campaign.measured, (count, 1))).reshape(count, -1)
+    slope = slope.reshape(count, -1, p)
     valid = np.isfinite(slope).all((1, 2)) & np.isfinite(error).all(1)
     error, slope = np.where(valid[:, None], error, 0.0), np.where(valid[:, None, None], slope, 0.0)
     off, precision = rho - campaign.guess, campaign.prior_sd**-2

@@ -78,11 +78,12 @@ def _methods(trials: pd.DataFrame, diagnostics: pd.DataFrame) -> Iterator[dict]:
     method: Any
     for method, rows in trials.groupby("method", sort=False):
         low, middle, high = error[method].quantile([0.25, 0.5, 0.75])
-        yield {"method": method, "seeds": len(error), "final_error": middle, "error_q25": low, "error_q75": high} | (
+        seeds = int(error[method].count())
+        yield {"method": method, "seeds": seeds, "final_error": middle, "error_q25": low, "error_q75": high} | (
             _interval("reduction", error, method, BASELINE)
             | _interval("fisher_reduction", error, DESIGNED, method)
             | _ratio(trials, method)
-            | _counts(rows, trials["round"].max(), len(error))
+            | _counts(rows, trials["round"].max(), seeds)
             | {"coverage": claims.get(method, np.nan)}
             | {"candidates": designed[designed.method == method].candidates.median()}
         )

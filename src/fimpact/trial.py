@@ -66,11 +66,10 @@ def run_trials(config: dict, system: str, method: str, seeds: list[int], progres
 
 
 def run_sweep(config: dict, system: str, method: str, surface: float, progress: Callable[[str], None]) -> pd.DataFrame:
-    """The trials of one position (m) of the surface, at the sweep's own cost; rows as `trials.csv` plus `surface`."""
+    """The trials of one position (m) of the surface, at the sweep's own rounds; rows as `trials.csv` plus `surface`."""
     sweep = config["sweep"]
     moved = make_system(system, {**config["systems"][system], "surface": surface})
-    cheaper = {**config, "design": {**config["design"], **sweep["design"]}}
-    table = _run(cheaper, moved, method, sweep["seeds"], sweep["rounds"], progress).table
+    table = _run(config, moved, method, sweep["seeds"], sweep["rounds"], progress).table
     return table.assign(surface=surface)[["surface", *table.columns]]
 
 
@@ -111,11 +110,14 @@ def design_next(
     """The design of `method` for what is believed after `found`, given all that was recorded."""
     system, budget = campaign.system, config["design"]
     gained = 0.0 if found.status == FAR else information(campaign, found.rho)
-    believed = beliefs(campaign, found, budget["draws"], stream(system, seed, "beliefs", round_))
+    # Methods that draw blindly are given no budget, and believe nothing.
+    rng = stream(system, seed, "beliefs", round_)
+    believed = beliefs(campaign, found, budget["draws"], rng) if budget else found.rho[None]
     # A throw follows one multisine from round to round, and draws its phases once.
     rng = stream(system, seed, "design", 0 if method == "multisine" and system.inputs.knots == 1 else round_)
     known = prior_precision(campaign) + gained
-    return METHODS[method](Task(system, campaign.model, believed, known, round_, rounds, budget, rng))
+    estimate = campaign.guess if found.status == FAR else found.rho
+    return METHODS[method](Task(system, believed, known, round_, rounds, budget, rng, estimate))
 
 
 def prior_precision(campaign: Campaign) -> np.ndarray:

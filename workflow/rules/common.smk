@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fimpact.concealed.plan import case_names, compared
 from fimpact.concealed.settings import check as check_benchmark
-from fimpact.config import check, check_keys
+from fimpact.config import PLANAR, SEEN, check, check_keys
 from fimpact.fetch import find_source, read_sources
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # of every job: pictures go to files
@@ -27,13 +27,18 @@ DATA = config["recordings"]["data"]
 CASES = config["recordings"].get("cases", KNOWN)
 MISSING = [source.file for source in SOURCES if not Path(DATA, source.file).exists()]
 SYSTEMS, METHODS = config["select"]["systems"], config["select"]["methods"]
+PLANNED = [system for system in SYSTEMS if system in PLANAR and "contact_implicit" in METHODS]
 REFERENCE = [f"{name}.csv" for name in "trials diagnostics sweep reach summary".split()]
 REFERENCE += [f"{name}.png" for name in "panels ablation curve".split()]
+REFERENCE += ["plans.csv", "forces.png"] if PLANNED else []
 REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in ("png", "gif")]
 
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
 MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
+FORECAST = ["quiet", "forecast"]
+PLANNING = [f"contact_implicit/{name}" for name in "bodies plan simulate step transcription".split()]
+TRIAL = [*MODEL, *FORECAST, *PLANNING, *"tables drafts truth design search estimate trial".split()]
 EFFECTS = (
     "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing servos sites "
     "structure transmission"
@@ -70,8 +75,10 @@ FORCED += ["diagnosis/proof", "selection/forced", "selection/regression"]
 EXPORT = [f"export/{name}" for name in "callback mjcf model player replay".split()]
 STAGES = {
     "compile": MODEL,
-    "trial": [*MODEL, "tables", "drafts", "truth", "design", "search", "estimate", "trial"],
-    "reach": [*MODEL, "tables", "drafts", "truth", "design", "search", "estimate", "trial", "reach"],
+    "trial": TRIAL,
+    "reach": [*TRIAL, "reach"],
+    "plans": [*TRIAL, "reach", "plans"],
+    "forces": ["__init__", "tables", "drafts", "looks", "forces"],
     "tables": ["tables", "drafts"],
     "summary": ["tables", "drafts", "measures", "summary"],
     "figures": ["tables", "drafts", "measures", "summary", "looks", "curve", "figures"],
@@ -122,6 +129,28 @@ def settings(*tables, **replaced):
     return part
 
 
+def designing(method, **replaced):
+    """The part of the table `design` that the method looks at."""
+    return {key: value for key, value in {**config["design"], **replaced}.items() if key in SEEN[method]}
+
+
+def trial_settings(wildcards):
+    """Params function: `settings` of one method's trials."""
+    return settings("rounds", "estimate", design=designing(wildcards.method))(wildcards)
+
+
+def sweep_settings(wildcards):
+    """Params function: `settings` of one method's sweep."""
+    sweep = {key: config["sweep"][key] for key in ("seeds", "rounds")}
+    return settings("estimate", sweep=sweep, design=designing(wildcards.method, **config["sweep"]["design"]))(wildcards)
+
+
+def seeds_of(method):
+    """The seeds on which a method runs: those selected, or the first few of them."""
+    seeds = config["select"]["seeds"]
+    return seeds[: config["select"].get("first", {}).get(method, len(seeds))]
+
+
 def parts(items, size):
     """Number of jobs that share `items`, at most `size` in each."""
     return -(-len(items) // size)
@@ -145,7 +174,7 @@ def scattered(names, items, pattern, **wildcards):
 
 def pieces(table):
     """Files that make up one of the tables."""
-    seeds, surfaces = config["select"]["seeds"], config["sweep"]["surfaces"]
+    surfaces = config["sweep"]["surfaces"]
     if table == "reach":
         return expand("<results>/reach/{system}.csv", system=SYSTEMS)
     if table == "sweep":
@@ -156,7 +185,17 @@ def pieces(table):
         return [path for paths in jobs for path in paths]
     end = "" if table == "trials" else f"-{table}"
     pattern = f"<results>/trials/{{system}}-{{method}}-{{scatteritem}}{end}.csv"
-    return scattered(gather.seeds, seeds, pattern, system=SYSTEMS, method=METHODS)
+    every = [
+        scattered(gather.seeds, seeds_of(method), pattern, system=name, method=method)
+        for name in SYSTEMS
+        for method in methods_of(name)
+    ]
+    return [path for paths in every for path in paths]
+
+
+def methods_of(system):
+    """The methods that run for `system`: those selected, but contact_implicit only where it has rigid-body terms."""
+    return [method for method in METHODS if method != "contact_implicit" or system in PLANAR]
 
 
 def first_designs(system, method):
@@ -169,6 +208,7 @@ def everything():
     """The default target: what can be drawn and, unless the tables are given, what must be simulated."""
     drawn = ["panels.svg", "ablation.svg", "curve.svg", "summary.md"]
     simulated = expand(["example-{system}.gif", "identifiability-{system}.md"], system=SYSTEMS)
+    simulated += ["forces.svg"] if PLANNED else []
     return expand("<results>/{name}", name=drawn if "tables" in config else drawn + simulated)
 
 

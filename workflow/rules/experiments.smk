@@ -11,7 +11,7 @@ rule compile:
         "<results>/logs/compile-{system}.log",
     threads: 1
     params:
-        config=settings(design={"criterion": config["design"]["criterion"]}),
+        config=settings(),
     message:
         "compile the programs of {wildcards.system}"
     script:
@@ -30,8 +30,8 @@ rule trials:
         "<results>/logs/trials/{system}-{method}-{scatteritem}.log",
     threads: 1
     params:
-        config=settings("rounds", "design", "estimate"),
-        seeds=lambda wildcards: share(config["select"]["seeds"], wildcards),
+        config=trial_settings,
+        seeds=lambda wildcards: share(seeds_of(wildcards.method), wildcards),
     message:
         "trials of {wildcards.system}, {wildcards.method}, seeds {params.seeds}"
     script:
@@ -48,11 +48,7 @@ rule sweep:
         "<results>/logs/sweep/{system}-{method}-{scatteritem}.log",
     threads: 1
     params:
-        config=settings(
-            "estimate",
-            sweep={key: config["sweep"][key] for key in ("seeds", "rounds", "design")},
-            design={**config["design"], **config["sweep"]["design"]},
-        ),
+        config=sweep_settings,
         surfaces=lambda wildcards: share(config["sweep"]["surfaces"][wildcards.system], wildcards),
     message:
         "sweep of {wildcards.system}, {wildcards.method}, surface at {params.surfaces} m"
@@ -70,11 +66,29 @@ rule reach:
         "<results>/logs/reach/{system}.log",
     threads: 1
     params:
-        config=settings("design", "reach"),
+        config=settings(design=designing("fisher"), reach={"seeds": config["reach"]["seeds"]}),
     message:
         "reach of {wildcards.system}: designs from starts without contact"
     script:
         "../scripts/reach.py"
+
+
+rule plans:
+    input:
+        compiled="<results>/compiled/{system}.txt",
+        code=simulation("plans"),
+    output:
+        plans="<results>/plans/{system}.csv",
+        forces="<results>/plans/{system}-forces.csv",
+    log:
+        "<results>/logs/plans/{system}.log",
+    threads: 1
+    params:
+        config=settings(design=designing("contact_implicit"), reach={"planned": config["reach"]["planned"]}),
+    message:
+        "plans of {wildcards.system}: contact-implicit, from starts without contact"
+    script:
+        "../scripts/plans.py"
 
 
 rule identifiability:
@@ -92,7 +106,7 @@ rule identifiability:
         "<results>/logs/identifiability-{system}.log",
     threads: 1
     params:
-        config=settings("design"),
+        config=settings(design=designing("fisher")),
     message:
         "identifiability of {wildcards.system}"
     script:

@@ -47,6 +47,23 @@ rule curve:
         "../scripts/curve.py"
 
 
+rule forces:
+    input:
+        plans=expand("<results>/plans/{system}.csv", system=PLANNED),
+        forces=expand("<results>/plans/{system}-forces.csv", system=PLANNED),
+        code=code("forces"),
+    output:
+        plans="<results>/plans.csv",
+        svg=report("<results>/forces.svg", caption="../report/forces.rst", category="Figures"),
+        png="<results>/forces.png",
+    log:
+        "<results>/logs/forces.log",
+    message:
+        "draw planned contact forces beside MuJoCo's"
+    script:
+        "../scripts/forces.py"
+
+
 rule example:
     input:
         fisher=lambda wildcards: first_designs(wildcards.system, "fisher"),

@@ -12,6 +12,6 @@ if TYPE_CHECKING:
 
 with logged(snakemake.log[0]) as progress:
     system, config = snakemake.wildcards.system, snakemake.params.config
-    compile_programs(make_system(system, config["systems"][system]), config["design"]["criterion"])
+    compile_programs(make_system(system, config["systems"][system]))
     progress(f"{system}: programs are in the cache")
     Path(snakemake.output[0]).write_text(f"{system}: compiled\n")

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from fimpact import sensors
-from fimpact.systems.base import Inputs, Sensor, System, interpolate, parameters, total_contact_force
+from fimpact.systems.base import Inputs, Sensor, System, interpolate, parameters
 
 LINKS = (1, 2, 3)
 NAMES = (*(f"inertia_{i}" for i in LINKS), *(f"length_{i}" for i in LINKS))
@@ -30,7 +30,7 @@ def arm(settings: dict) -> System:
         revise=revise,
         launch=launch,
         sense=sense,
-        read=read,
+        instrument=("force", (0, 1)),
     )
 
 
@@ -78,8 +78,3 @@ def launch(system: System, design: jax.Array) -> tuple[jax.Array, jax.Array, jax
 def sense(model: mjx.Model, data: mjx.Data, velocity: jax.Array) -> jax.Array:
     """Contact force on the tip in the plane, shape (2,), N."""
     return sensors.contact_force(model, data, velocity, body=len(LINKS), axes=(0, 1))
-
-
-def read(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """MuJoCo's own contact force on the tip in the plane, shape (2,), N."""
-    return total_contact_force(model, data)[:2]

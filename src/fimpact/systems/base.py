@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+FAR = 1e3  # m, up to which gaps are measured
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -59,7 +61,7 @@ class System:
     `revise` writes the same parameters into an MJX model, differentiably. The two share no code, so the
     simulated truth cannot inherit an error of the estimator. `launch` turns a flat design vector into
     (qpos, qvel, ctrl) with ctrl of shape (steps, nu). `sense` is the paper's sensor equation on MJX data;
-    `read` is MuJoCo's own sensor on C data.
+    `instrument` is MuJoCo's own sensor of the same: its name in the MJCF, and which of its numbers.
     """
 
     name: str
@@ -71,7 +73,7 @@ class System:
     revise: Callable[[mjx.Model, jax.Array, dict], mjx.Model]
     launch: Callable[["System", jax.Array], tuple[jax.Array, jax.Array, jax.Array]]
     sense: Callable[[mjx.Model, mjx.Data, jax.Array], jax.Array]
-    read: Callable[[mujoco.MjModel, mujoco.MjData], np.ndarray]
+    instrument: tuple[str, tuple[int, ...]]
 
     @property
     def steps(self) -> int:
@@ -91,15 +93,41 @@ class System:
 
     def compile(self, theta: np.ndarray) -> mujoco.MjModel:
         """MuJoCo C model of the system with parameters `theta`, shape (p,), in physical units."""
+        return self._spec(theta).compile()
+
+    def compile_with_gaps(self, theta: np.ndarray) -> mujoco.MjModel:
+        """The same, with the gap of every contact pair as one more sensor, last."""
+        spec, geom = self._spec(theta), mujoco.mjtObj.mjOBJ_GEOM
+        for pair in spec.pairs:
+            ends = {"objtype": geom, "objname": pair.geomname1, "reftype": geom, "refname": pair.geomname2}
+            spec.add_sensor(type=mujoco.mjtSensor.mjSENS_GEOMDIST, cutoff=FAR, **ends)
+        return spec.compile()
+
+    def _spec(self, theta: np.ndarray) -> mujoco.MjSpec:
         spec = mujoco.MjSpec.from_string(files("fimpact.systems").joinpath(f"{self.name}.xml").read_text())
         spec.option.timestep = self.settings["timestep"]
         self.edit(spec, np.asarray(theta, float), self.settings)
-        return spec.compile()
+        return spec
 
     @cached_property
     def template(self) -> mjx.Model:
-        """MJX model at the nominal parameters; every number in it is a run-time argument of the programs."""
-        return mjx.put_model(self.compile(self.nominal))
+        """MJX model at the nominal parameters; every number in it is a run-time argument of the programs.
+
+        It has no sensors: MJX knows fewer of them, and `sense` takes their place.
+        """
+        spec = self._spec(self.nominal)
+        for sensor in spec.sensors:
+            spec.delete(sensor)
+        return mjx.put_model(spec.compile())
+
+    def gauge(self, model: mujoco.MjModel) -> np.ndarray:
+        """Places of the measurement, (ny,), among the sensor data of `model`."""
+        name, numbers = self.instrument
+        return model.sensor(name).adr[0] + np.array(numbers)
+
+    def read(self, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+        """MuJoCo's own measurement, (ny,), of the step that `data` has just made."""
+        return data.sensordata[self.gauge(model)]
 
 
 def parameters(table: dict[str, dict], names: Sequence[str] = ()) -> tuple[Parameter, ...]:

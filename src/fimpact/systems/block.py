@@ -31,7 +31,7 @@ def block(settings: dict) -> System:
         revise=revise,
         launch=launch,
         sense=sense,
-        read=read,
+        instrument=("imu", (0, 2)),
     )
 
 
@@ -77,8 +77,3 @@ def launch(system: System, design: jax.Array) -> tuple[jax.Array, jax.Array, jax
 def sense(model: mjx.Model, data: mjx.Data, velocity: jax.Array) -> jax.Array:
     """Proper acceleration of the block's centre in its own axes, shape (2,), m/s^2."""
     return sensors.accelerometer(model, data, velocity, body=IMU_BODY, axes=(0, 2))
-
-
-def read(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """MuJoCo's own accelerometer, shape (2,), m/s^2."""
-    return data.sensor("imu").data[[0, 2]].copy()
