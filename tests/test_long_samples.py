@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from recorded import record, waves
 
+from fimpact.deciding import REFINES, SHARE
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording
+from fimpact.selection import forward
 from fimpact.selection.drives import align, drive, far
 from fimpact.selection.exchange import Alternative
 from fimpact.selection.forward import Search
@@ -168,6 +170,22 @@ def test_where_much_is_missing_the_compound_is_refitted_whatever_its_columns_say
     assert far(search, search.missing) and {"viscous@pivot", "rotor_inertia@pivot"} <= {
         law.name for law in search.current.placed
     }
+
+
+def test_parts_of_a_drive_are_judged_beside_one_another(monkeypatch):
+    """Where viscous friction takes nearly all that was missing, the rest still is as much as a refinement."""
+    heavy, asked = followed(kp=30.0), {}
+    light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(heavy, xml=light))
+    drive(search)
+    assert search.parts >= {law.name for law in search.current.placed} >= {"viscous@pivot"}
+    monkeypatch.setattr(forward, "_bears", lambda regression, place, *bar: asked.update({place: bar}) or True)
+    search.pruned(search.current, search.missing)
+    assert {floor for _, floor in asked.values()} == {REFINES}
+    assert all(missing < search.missing for missing, _ in asked.values())
+    search.parts = set()
+    search.pruned(search.current, search.missing)
+    assert {floor for _, floor in asked.values()} == {SHARE}
 
 
 def test_what_a_force_does_to_a_joint_that_sticks_is_judged_over_as_much_as_may_be_missing():
