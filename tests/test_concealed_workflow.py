@@ -171,7 +171,7 @@ def test_the_shipped_benchmarks_are_valid():
         ("cases: {singel: 3}", ["concealed.cases.singel", "did you mean 'single'?"]),
         ("cases: {single: -1}", ["concealed.cases.single is -1", "at least 0"]),
         ("cases: {null: 3}", ["concealed.cases.None", "allowed: single, null"]),
-        ("rigs: [arm]", ["concealed.rigs[0] is 'arm'", "arm_free, arm_contact, block"]),
+        ("rigs: [arm]", ["concealed.rigs[0] is 'arm'", "arm_free, arm_contact, block, six_axis, six_servo, leg"]),
         ("lambda: {single: [30, 3]}", ["concealed.lambda.single is [30, 3]", "swap them"]),
         ("lambda: {single: [0, 3]}", ["concealed.lambda.single[0] is 0", "greater than 0"]),
         ("compared: 2", ["concealed.compared is 2", "at most 1"]),

@@ -38,7 +38,7 @@ EFFECTS = (
 )
 SHARED = ["__init__", "tables", "drafts", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = ["quiet"] + [
-    f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
+    f"concealed/{name}" for name in "rig rigs planar robots planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
 CASE = (
     "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics lerobot load "
@@ -76,7 +76,7 @@ STAGES = {
     "conceal": [
         *SHARED,
         *RIGS,
-        *(f"concealed/{name}" for name in "detect draw motions plan referee seal sizing split twins".split()),
+        *(f"concealed/{name}" for name in "campaigns detect draw motions places plan referee seal sizing split twins".split()),
     ],
     "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "experiments/resolve", "concealed/blind"],
     "peers": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/peers"],

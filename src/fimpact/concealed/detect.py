@@ -11,7 +11,7 @@ import numpy as np
 from mujoco import rollout
 
 from fimpact.concealed.motions import Motion
-from fimpact.concealed.rigs import CLOCK, Rig
+from fimpact.concealed.rig import CLOCK, Rig
 from fimpact.concealed.world import DRIVEN, FULL, new_world
 
 PIECES = 5  # in which a window's disturbance is described
@@ -120,6 +120,26 @@ def coloured(rig: Rig, push: np.ndarray, correlation: float) -> np.ndarray:
     lag = np.abs(np.subtract.outer(np.arange(PIECES), np.arange(PIECES))) * piece
     root = np.linalg.cholesky(np.exp(-lag / correlation) + 1e-9 * np.eye(PIECES))
     return push @ np.kron(np.eye(rig.naive.nv), root)
+
+
+def unlogged(rig: Rig, push: np.ndarray) -> np.ndarray:
+    """Response (W, n ny, k) to what motor currents tell wrongly, as independent columns; none where commands are known.
+
+    Of what is white from sample to sample, and of the ripple, which is hardly less so, a piece keeps the mean.
+    """
+    samples = round((rig.window or rig.duration) / PIECES / rig.period)
+    dofs = [rig.naive.joint(name).dofadr[0] for name in rig.driven] if len(rig.current) else []
+    told = rig.current * np.sqrt(1.5 / samples)
+    parts = [
+        push[:, :, PIECES * dof : PIECES * (dof + 1)] * sd / rig.disturbance[dof]
+        for dof, sd in zip(dofs, told, strict=True)
+    ]
+    return np.concatenate([push[:, :, :0], *parts], axis=2)
+
+
+def noise_of(rig: Rig, push: np.ndarray, disturbance: float, correlation: float) -> np.ndarray:
+    """Whitened response (W, n ny, m) to all that moves the robot and is not logged, from that to unit forces `push`."""
+    return np.concatenate([disturbance * coloured(rig, push, correlation), unlogged(rig, push)], axis=2)
 
 
 def loudness(rig: Rig, tangent: Tangents, response: np.ndarray) -> float:

@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from fimpact.concealed.detect import models
 from fimpact.concealed.motions import Motion, draw_motion
+from fimpact.concealed.places import places
 from fimpact.concealed.plants import PLANTS
-from fimpact.concealed.rigs import CLOCK, RIGS, Rig, rig_of
+from fimpact.concealed.rig import CLOCK, Rig
+from fimpact.concealed.rigs import RIGS, rig_of
 from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, glance, seen, set_stage, trace, whole
 from fimpact.concealed.split import SPLIT, best_split
 from fimpact.concealed.strangers import STRANGERS, known
-from fimpact.concealed.truth import Planted, Truth, clean, measure, slips, world_of
+from fimpact.concealed.truth import Planted, Truth, clean, logged, measure, slips, world_of
 from fimpact.concealed.twins import TWINS
 from fimpact.concealed.world import play
 from fimpact.recordings import Recording, Run
@@ -58,9 +61,10 @@ def draw_case(
 
 def _draw(rng, index, kind, system, target, attempt, seed):
     rig, choice, style = _choose(rng, index, kind, system)
-    motion = draw_motion(rig, rng, style, _dof(rig, choice))
+    errors = _errors(rng, rig)
+    motion = draw_motion(rig, rng, style, _dof(rig, choice), models(rig, errors))
     stiff = max((known(name).stiff for name, _ in choice), default=1)
-    stage, nuisance = _nuisance(rng, replace(rig, coarse=rig.coarse * stiff), motion)
+    stage, nuisance = _nuisance(rng, replace(rig, coarse=rig.coarse * stiff), motion, errors)
     forms = [_form(rng, stage, name, site) for name, site in choice]
     if kind == "twin":
         _look(stage, choice, forms, target)
@@ -114,7 +118,8 @@ def _pool(shelf, rigs) -> list[tuple[Rig, str]]:
 def _insists(index: int, system: str | None) -> bool:
     """Whether this draw must be well hidden: every other one, and other effects in every pass through the pool."""
     rigs = [rig_of(system)] if system else list(RIGS.values())
-    return bool((index + index // len(_pool(PLANTS, rigs))) % 2)
+    turn, place = divmod(index, len(_pool(PLANTS, rigs)))
+    return bool((place + turn) % 2)
 
 
 def _another(rng, rig, first):
@@ -133,15 +138,20 @@ def _choose_twins(rng, index, rigs):
 
 
 def _dof(rig, choice):
-    """Degree of freedom that the motion is about: the one of the first site's number."""
-    last = choice[0][1][-1] if choice else "1"
-    return int(last) - 1 if last.isdigit() and not rig.throws() else 0
+    """Motor that the motion is about: the one of the first site."""
+    held = places(rig.naive, rig.channels, choice[0][1]) if choice else set()
+    return next((i for i, joint in enumerate(rig.driven) if joint in held), 0)
 
 
-def _nuisance(rng, rig: Rig, motion: Motion) -> tuple[Stage, dict]:
-    """Everything that is wrong with the naive model without being an effect."""
+def _errors(rng, rig: Rig) -> np.ndarray:
+    """By how much the unknowns are off, (p,)."""
     errors = rng.normal(size=len(rig.unknowns)) * [u.sd for u in rig.unknowns]
-    errors = np.clip(errors, *np.array([[-1], [1]]) * [0.2 if u.sd > 0.05 else 2 * u.sd for u in rig.unknowns])
+    most = [min(0.2, 2 * u.sd) if u.sd > 0.05 else 2 * u.sd for u in rig.unknowns]
+    return np.clip(errors, *np.array([[-1], [1]]) * most)
+
+
+def _nuisance(rng, rig: Rig, motion: Motion, errors: np.ndarray) -> tuple[Stage, dict]:
+    """Everything that is wrong with the naive model without being an effect."""
     start = motion.start + slips(rig) * rng.standard_normal(motion.start.shape)
     offset = rng.uniform(0, CLOCK, len(start))
     correlation, raised = rng.uniform(0.05, 0.1), rng.uniform(0.05, 0.2)
@@ -220,12 +230,12 @@ def record(truth: Truth, motion: Motion) -> Recording:
     """The recording that this truth and these motions give."""
     rig = rig_of(truth.system)
     played, _ = clean(truth, np.array(truth.start), motion.ctrl, truth.offset, stream=0)
-    measured = measure(truth, played.samples, stream=0)
+    measured, ctrl = measure(truth, played.samples, stream=0), logged(truth, motion.ctrl, played.states, stream=0)
     nv, believed = rig.naive.nv, np.isfinite(rig.start_sd).all()
     runs = tuple(
         Run(
             f"run_{i + 1:02d}",
-            motion.ctrl[i],
+            ctrl[i],
             measured[i],
             bool(motion.held_out[i]),
             motion.start[i, :nv] if believed else None,

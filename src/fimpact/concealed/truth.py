@@ -7,11 +7,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from fimpact.concealed.planting import Values
-from fimpact.concealed.rigs import CLOCK, Rig, rig_of
+from fimpact.concealed.rig import CLOCK, Rig
+from fimpact.concealed.rigs import rig_of
 from fimpact.concealed.strangers import plant
 from fimpact.concealed.world import Played, World, new_world, play
 from fimpact.recordings import Run
 
+RIPPLES = 600.0  # per turn of the joint: six for each turn of the motor behind a gear of 100
 SLIP = np.array([0.005, 0.02])  # how far an arm starts from where it should, rad and rad/s
 
 
@@ -122,6 +124,17 @@ def measure(truth: Truth, samples: np.ndarray, stream: int) -> np.ndarray:
     return np.round(noisy / rig.quantum) * rig.quantum
 
 
+def logged(truth: Truth, ctrl: np.ndarray, states: np.ndarray, stream: int) -> np.ndarray:
+    """Commands (runs, T, nu) as the log has them: torques that motor currents tell have noise, and a ripple that goes
+    round with the motor."""
+    rig, rng = rig_of(truth.system), np.random.default_rng([*truth.seed, stream, 3])
+    if not len(rig.current):
+        return ctrl
+    turned = states[:, :, [rig.naive.joint(name).qposadr[0] for name in rig.driven]]
+    ripple = np.sin(RIPPLES * turned + rng.uniform(0, 2 * np.pi, len(rig.current)))
+    return ctrl + rig.current * (ripple + rng.standard_normal(ctrl.shape))
+
+
 def run_on_robot(
     truth: Truth, ctrl: np.ndarray, start: np.ndarray, names: tuple[str, ...], held_out: bool = False
 ) -> list[Run]:
@@ -139,7 +152,7 @@ def run_on_robot(
     rng, nv = np.random.default_rng([*truth.seed, stream, 2]), rig.naive.nv
     slipped = start + slips(rig) * rng.standard_normal(start.shape)
     played, _ = clean(truth, slipped, ctrl, rng.uniform(0, CLOCK, len(ctrl)), stream)
-    measured = measure(truth, played.samples, stream)
+    measured, ctrl = measure(truth, played.samples, stream), logged(truth, ctrl, played.states, stream)
     return [
         Run(name, u, y, held_out, believed[:nv], believed[nv:])
         for name, u, y, believed in zip(names, ctrl, measured, start, strict=True)
