@@ -14,13 +14,15 @@ from fimpact.concealed.places import places
 from fimpact.concealed.plants import PLANTS
 from fimpact.concealed.rig import Rig
 from fimpact.concealed.rigs import RIGS, rig_of
-from fimpact.concealed.sizing import Stage, Trace
+from fimpact.concealed.sizing import NEAR, SEARCHES, Stage, Trace, Unfit, planted_windows, seen, trace
 from fimpact.concealed.strangers import known
 from fimpact.concealed.truth import Planted, Truth
 from fimpact.concealed.world import new_world, play
 from fimpact.recordings import Recording
 
+WILD = 1e6  # non-centrality beyond which nobody would call the two the same motion
 MOST = 3.0  # of the logarithm of the size, in one step
+Share = Callable[[np.ndarray], float]  # of a trace, the share of the force that it is worth
 LONG = 0.005  # s, the step for which `Plant.stiff` is meant
 
 
@@ -35,8 +37,8 @@ def draw_crowd(rng, index, kind, system, target, attempt, seed) -> tuple[Recordi
     stage, nuisance = nuisance_of(rng, replace(full, coarse=full.coarse * _finer(full, odd)), motion, both)
     loose = filled(naive, tuple(m for m in members if m.name != "coulomb"))
     share = _share(stage, loose, odd, site)
-    found = _odd(stage, odd, site, form_of(rng, stage, odd, site), target, share)
-    effects = _crowd(stage, members, planted(stage, site, found, odd), found, share(found.change))
+    found, worth = _odd(stage, odd, site, form_of(rng, stage, odd, site), target, share)
+    effects = _crowd(stage, members, planted(stage, site, found, odd), found, worth)
     nuisance["errors"] = tuple(errors.tolist())
     about = together(stage, (found,)) | nuisance
     truth = Truth(kind=kind, system=rig.name, effects=effects, rival=None, seed=seed, **about)
@@ -50,15 +52,20 @@ def _finer(rig: Rig, name: str) -> int:
     return max(1, ceil(known(name).stiff * rig.naive.opt.timestep / LONG))
 
 
-def _odd(stage: Stage, name: str, site: str, form, target: float, share: Callable[[np.ndarray], float]) -> Trace:
-    """The odd effect at a size that is worth `target` of the force at its place. Raises Unfit."""
+def _odd(
+    stage: Stage, name: str, site: str, form, target: float, share: Callable[[np.ndarray], float]
+) -> tuple[Trace, float]:
+    """The odd effect at a size that is worth `target` of the force at its place, and its worth. Raises Unfit."""
     (shape, sign), kind = form, known(name)
     size, most = kind.span(stage.rig)
     for _ in range(SEARCHES):
         values = kind.values(sign * size, **shape)
         worth = share(planted_windows(stage, name, site, values)[2])
         if abs(np.log(max(worth, 1e-9) / target)) < NEAR:
-            return trace(stage, name, site, sign * size, values)
+            found = trace(stage, name, site, sign * size, values)
+            if seen(stage, found).size[0] > WILD:
+                raise Unfit(f"{name} at {site} shakes the robot")
+            return found, worth
         size = min(size * float(np.exp(np.clip(np.log(target / max(worth, 1e-9)), -MOST, MOST))), most)
     raise Unfit(f"no size of {name} at {site} is worth {target:.2g} of the force there")
 
@@ -89,7 +96,7 @@ def _crowd(stage: Stage, members: tuple[Member, ...], odd: Planted, found: Trace
     return (*crowd, replace(odd, worth=worth))
 
 
-def _share(stage: Stage, loose: Rig, name: str, site: str) -> Callable[[np.ndarray], float]:
+def _share(stage: Stage, loose: Rig, name: str, site: str) -> Share:
     """Gives the force of an odd effect at its place, of several joints at that where it is most, over what motors give
     there.
 
