@@ -222,7 +222,9 @@ def test_only_experiments_that_count_are_played(monkeypatch):
     kinds = {"1": "twin", "2": "single", "3": "single"}
 
     def asked(sealed, case):
-        return SimpleNamespace(truth=SimpleNamespace(kind=kinds[case]), play=lambda run: replace(run, measured=np.zeros((1, 1))))
+        return SimpleNamespace(
+            truth=SimpleNamespace(kind=kinds[case]), play=lambda run: replace(run, measured=np.zeros((1, 1)))
+        )
 
     monkeypatch.setattr(referee, "robot", asked)
     own = {"ctrl": np.zeros((1, 1)), "qpos": np.zeros(1), "qvel": np.zeros(1)}

@@ -38,8 +38,10 @@ EFFECTS = (
 )
 SHARED = ["__init__", "tables", "drafts", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = ["quiet"] + [
-    f"concealed/{name}" for name in "rig rigs planar robots planting plants strangers truth world at_bodies at_joints at_signals".split()
+    f"concealed/{name}"
+    for name in "crowd rig rigs planar robots planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
+GRADING = "campaigns challenge crowded detect draw drawing grading motions places plan referee seal sizing split twins"
 CASE = (
     "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics lerobot load "
     "misreadings model motion physics plausible quaternions readers ros rows runs sensor_ties sensors servo_ties "
@@ -76,12 +78,17 @@ STAGES = {
     "conceal": [
         *SHARED,
         *RIGS,
-        *(f"concealed/{name}" for name in "campaigns detect draw motions places plan referee seal sizing split twins".split()),
+        *(
+            f"concealed/{name}"
+            for name in "campaigns crowded detect draw drawing motions places plan referee seal sizing split twins".split()
+        ),
     ],
     "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "experiments/resolve", "concealed/blind"],
     "peers": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/peers"],
-    "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "oracle places score seal".split()],
-    "measures": ["__init__", "tables", "drafts", "concealed/__init__", "concealed/lines", "concealed/measures"],
+    "enter": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/entered"],
+    "grade": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in GRADING.split()],
+    "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "grading oracle places score seal".split()],
+    "measures": ["__init__", "tables", "drafts", *(f"concealed/{n}" for n in "__init__ lines measures strata".split())],
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
     + "scene stage replay gif examples".split(),

@@ -12,7 +12,7 @@ import pandas as pd
 
 from fimpact.concealed.archive import cases_in
 from fimpact.concealed.draw import KINDS
-from fimpact.concealed.grading import NOTHING, grade, listed, names_of
+from fimpact.concealed.grading import ENTERED, NOTHING, grade, listed, names_of
 from fimpact.concealed.plan import plan
 from fimpact.concealed.referee import conceal
 from fimpact.concealed.rigs import RIGS
@@ -21,8 +21,7 @@ from fimpact.concealed.seal import open_seal
 
 SHARES = {"single": 0.4, "null": 0.1, "double": 0.08, "outside": 0.12, "twin": 0.05, "crowd": 0.25}
 Sizes = dict[str, float]
-ANSWERS, ENTERED = "answers.csv", "entered.csv"
-COLUMNS = ["tool", "case", "answer", "precision", "recall", "heldout_after", "seconds"]
+ANSWERS = "answers.csv"
 ASKED = ["tool", "case", "answer", "heldout_after", "seconds"]
 ABOUT = """\
 Each folder in recordings/ is a case: a robot whose naive model is model.xml, and recording.npz with its runs.
@@ -94,7 +93,7 @@ def grade_answers(answers: Path, folder: Path) -> pd.DataFrame:
         row | graded(row["answer"], row["case"], folder / "recordings", folder / "sealed")
         for row in table.to_dict("records")
     ]
-    return pd.DataFrame(rows)[COLUMNS]
+    return pd.DataFrame(rows)[ENTERED]
 
 
 def graded(answer: str, case: str, recordings: Path, sealed: Path, sizes: Sizes | None = None) -> dict[str, Any]:
@@ -106,9 +105,7 @@ def graded(answer: str, case: str, recordings: Path, sealed: Path, sizes: Sizes 
 def grade_entered(entries: Path, recordings: Path, sealed: Path) -> list[dict[str, Any]]:
     """Rows of `entered.csv` for what `entered.enter_part` wrote; a tool that failed on a case answered nothing."""
     rows = [{"answer": NOTHING, "sizes": {}, "heldout_after": None} | row for row in read_rows(entries).values()]
-    return [
-        row | {"case": row["of"]} | graded(row["answer"], row["of"], recordings, sealed, row["sizes"]) for row in rows
-    ]
+    return [row | graded(row["answer"], row["of"], recordings, sealed, row["sizes"]) for row in rows]
 
 
 def summary(entered: pd.DataFrame) -> list[str]:

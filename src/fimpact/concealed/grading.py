@@ -4,15 +4,19 @@ An answer is a list of ``effect@place``. Where an effect has another as its spec
 speed has friction that does not, that one at the same place is no mistake, and no answer for the whole either.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from fimpact.concealed.rows import read_rows
 from fimpact.concealed.truth import Planted, Truth
 from fimpact.effects import EFFECTS
 
-NOTHING, UNNAMED, BETWEEN = "none", "unnamed", ";"
+NOTHING, BETWEEN = "none", ";"
+ENTERED = ["tool", "case", "answer", "precision", "recall", "heldout_after", "seconds"]  # columns of `entered.csv`
 TOLD = 3.84  # non-centrality from which an oracle's own 95 % interval excludes zero
 ALIKE = 0.2  # relative error of a size that is right
 
@@ -87,3 +91,10 @@ def amplitude(name: str, values: Mapping[str, float]) -> float:
 def planted_name(effects: Sequence[Planted]) -> str:
     """``effect@site`` of all effects joined by ; in alphabetical order, none where there are none."""
     return BETWEEN.join(sorted(map(_name, effects))) or NOTHING
+
+
+def gather_entered(parts: Iterable[str | Path]) -> pd.DataFrame:
+    """Rows of all parts as `entered.csv`, sorted by tool and case."""
+    rows = [row | {"case": row["of"]} for part in parts for row in read_rows(part).values()]
+    table = pd.DataFrame(rows, columns=ENTERED)
+    return table.sort_values(["tool", "case"], ignore_index=True)
