@@ -13,12 +13,13 @@ from fimpact import drafts, tables
 from fimpact.concealed import measures
 from fimpact.concealed.confusion import named
 from fimpact.concealed.figures import APART, FIGURES, _bins
+from fimpact.concealed.grading import size_of
 from fimpact.concealed.lines import Measure, average, coverage, share
 from fimpact.concealed.places import places
 from fimpact.concealed.plan import case_names, compared, plan
 from fimpact.concealed.rigs import RIGS
 from fimpact.concealed.rows import as_lines, each, held_out_error, read_rows, runs_of
-from fimpact.concealed.score import COLUMNS, gather, score_case, size_of
+from fimpact.concealed.score import COLUMNS, gather, score_case
 from fimpact.concealed.truth import Planted, Truth
 
 REFERENCE = ROOT / "results" / "reference" / "concealed" / "cases.csv"

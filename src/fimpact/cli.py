@@ -139,9 +139,7 @@ def _parser() -> argparse.ArgumentParser:
     catalogue.add_argument("--model", type=Path, metavar="MODEL.xml", help="name the places that this MJCF has for it")
     catalogue.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
     catalogue.set_defaults(run=_effects)
-    _add_benchmark(
-        commands.add_parser("benchmark", help="make a challenge of concealed physics, or grade answers to one")
-    )
+    _add_benchmark(commands.add_parser("benchmark", help="make a challenge of concealed physics, or grade one"))
     return parser
 
 

@@ -1,5 +1,7 @@
 """How often "certain" is right, by stratum: rig, kind, non-centrality and concealment."""
 
+from itertools import pairwise
+
 import pandas as pd
 from scipy.stats import binomtest
 
@@ -28,7 +30,7 @@ def strata(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def _bands(values: pd.Series, edges: tuple[float, ...]) -> pd.Series:
-    labels = [f"{max(low, 0):g} to {high:g}" for low, high in zip(edges[:-1], edges[1:], strict=True)]
+    labels = [f"{max(low, 0):g} to {high:g}" for low, high in pairwise(edges)]
     return pd.cut(values.astype(float), edges, right=False, labels=labels).astype(str)
 
 
