@@ -255,7 +255,7 @@ def answer(best: str, *others: str, **more) -> dict:
 def test_a_right_answer_scores(recording):
     row = score_case("01", truth("single", (COULOMB,)), recording, answer("coulomb@joint_2"))
     assert list(row)[: len(COLUMNS)] == COLUMNS
-    assert (row["planted"], row["site"], row["size"]) == ("coulomb", "joint_2", "0.05")
+    assert (row["planted"], row["site"], row["size"]) == ("coulomb@joint_2", "joint_2", "0.05")
     assert row["detected"] and row["right"] and row["in_set"] and row["located"] and row["place_right"]
     assert (row["covered"], row["intervals"], row["confidence"], row["seconds"]) == (1, 1, 0.9, 2.0)
     assert (row["heldout_before"], row["heldout_after"], row["noise_floor"]) == (2.0, 1.1, 1.0)

@@ -85,8 +85,9 @@ STAGES = {
     ],
     "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "experiments/resolve", "concealed/blind"],
     "peers": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/peers"],
-    "enter": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/entered"],
-    "grade": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in GRADING.split()],
+    "enter": [*SHARED, *PROOF, "simulation/random_features", "knobs", "peers", "concealed/entered"],
+    "grade": [*SHARED, *RIGS, "recordings", *(f"effects/{name}" for name in EFFECTS.split() if name != "classes")]
+    + [f"concealed/{name}" for name in GRADING.split()],
     "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "grading oracle places score seal".split()],
     "measures": ["__init__", "tables", "drafts", *(f"concealed/{n}" for n in "__init__ lines measures strata".split())],
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
@@ -201,6 +202,11 @@ def parts_of_cases(folder):
     return [path for path in every if Path(path).exists()] or sys.exit(
         f"{BENCHMARK['results']}/{folder} holds no part yet; leave out concealed.gathered, or wait until one is"
     )
+
+
+def whole():
+    """Whether all is made anew: neither a table that is given nor what is scored so far is to be read."""
+    return "tables" not in BENCHMARK and BENCHMARK.get("gathered", "all") == "all"
 
 
 def case_inputs(wildcards):
