@@ -168,11 +168,17 @@ def _crowds(cases: pd.DataFrame) -> list[Measure]:
         average("… sizes within 20 %", crowds.sizes_right, np.mean, percent),
         share("… odd effect worth 5 % of the force named", crowds.odd_named[crowds.worth >= ODD], 1, 0.70, 0.90),
         average("… held-out error over the oracle's, median", far, np.median, number(" ×"), -1, 1.3, 1.1),
+        share("outside the catalogue: said so, and where", _said_where(_of(cases, "outside")), 1, 0.85, 0.92),
         *(
             share(f"false alarms where nothing is missing, {system}", own.detected, -1, 0.03, 0.01)
             for system, own in _of(cases, NULL).groupby("system", sort=True)
         ),
     ]
+
+
+def _said_where(outside: pd.DataFrame) -> pd.Series:
+    says = outside.answer_set.str.split("|").map(lambda names: UNNAMED in names)
+    return says[outside.located.notna()].astype(bool) & outside.located.dropna().astype(bool)
 
 
 def _twins(cases: pd.DataFrame) -> list[Measure]:
