@@ -143,7 +143,7 @@ rule grade:
 
 rule concealed_entered:
     input:
-        parts=parts_of_cases("grades"),
+        parts=lambda wildcards: parts_of_cases("grades"),
     output:
         "<concealed>/entered.csv",
     log:
