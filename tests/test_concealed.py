@@ -175,7 +175,7 @@ def test_nothing_is_planted_in_a_null():
 def test_two_effects_sit_in_two_places():
     _, truth = draw_case(1, "double", seed=3, system="arm_free")
     assert len(truth.effects) == 2 and len({e.site for e in truth.effects}) == 2
-    assert truth.planted.count("+") == 1
+    assert truth.planted.count(";") == 1
 
 
 def test_twins_cannot_be_told_apart():
