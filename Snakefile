@@ -6,7 +6,7 @@
 #   snakemake --configfile config/reference.yaml     figures and summary from the committed tables, in seconds
 #   snakemake reference                              replace the committed tables by those just made
 #   snakemake concealed                              the blind benchmark, as config/concealed.yaml has it
-#   snakemake concealed --configfile config/concealed-smoke.yaml                   the same graph on six cases
+#   snakemake concealed --configfile config/concealed-smoke.yaml                   the same graph on eight cases
 #   snakemake recordings                             diagnose and compare every case of config/recordings
 #   snakemake results/recordings/CASE/report.html    one of them
 #   snakemake fetch_all                              the data files that are published as the cases read them

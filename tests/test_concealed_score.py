@@ -13,12 +13,13 @@ from fimpact import drafts, tables
 from fimpact.concealed import measures
 from fimpact.concealed.confusion import named
 from fimpact.concealed.figures import APART, FIGURES, _bins
+from fimpact.concealed.grading import size_of
 from fimpact.concealed.lines import Measure, average, coverage, share
 from fimpact.concealed.places import places
 from fimpact.concealed.plan import case_names, compared, plan
 from fimpact.concealed.rigs import RIGS
 from fimpact.concealed.rows import as_lines, each, held_out_error, read_rows, runs_of
-from fimpact.concealed.score import COLUMNS, gather, score_case, size_of
+from fimpact.concealed.score import COLUMNS, gather, score_case
 from fimpact.concealed.truth import Planted, Truth
 
 REFERENCE = ROOT / "results" / "reference" / "concealed" / "cases.csv"
@@ -254,7 +255,7 @@ def answer(best: str, *others: str, **more) -> dict:
 def test_a_right_answer_scores(recording):
     row = score_case("01", truth("single", (COULOMB,)), recording, answer("coulomb@joint_2"))
     assert list(row)[: len(COLUMNS)] == COLUMNS
-    assert (row["planted"], row["site"], row["size"]) == ("coulomb", "joint_2", "0.05")
+    assert (row["planted"], row["site"], row["size"]) == ("coulomb@joint_2", "joint_2", "0.05")
     assert row["detected"] and row["right"] and row["in_set"] and row["located"] and row["place_right"]
     assert (row["covered"], row["intervals"], row["confidence"], row["seconds"]) == (1, 1, 0.9, 2.0)
     assert (row["heldout_before"], row["heldout_after"], row["noise_floor"]) == (2.0, 1.1, 1.0)

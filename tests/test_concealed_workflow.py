@@ -20,7 +20,7 @@ from fimpact.concealed.settings import check
 SCHEMA = ROOT / "workflow" / "schemas" / "concealed.schema.yaml"
 SMOKE = ["--configfile", "config/concealed-smoke.yaml"]
 FOLDER = Path("results") / "concealed-smoke"
-KNOWING = {"conceal", "reveal", "score"}  # the rules that may touch sealed/
+KNOWING = {"conceal", "reveal", "score", "grade"}  # the rules that may touch sealed/
 PICTURES = ("confusion", "held-out", "calibration", "detection")
 
 
@@ -43,8 +43,8 @@ def jobs(tree: Path) -> list[tuple[str, list[str], list[str]]]:
 
 def test_the_whole_benchmark_is_planned(fresh):
     assert planned(fresh, "concealed", *SMOKE) == {
-        **dict.fromkeys(("conceal", "diagnose_concealed", "reveal", "resolve", "peers", "score"), 2),
-        **{"concealed_cases": 1, "concealed_summary": 1, "concealed_figure": 4, "concealed": 1},
+        **dict.fromkeys(("conceal", "diagnose_concealed", "reveal", "resolve", "peers", "score", "enter", "grade"), 3),
+        **{"concealed_cases": 1, "concealed_summary": 1, "concealed_figure": 4, "concealed_entered": 1, "concealed": 1},
     }
 
 
@@ -68,7 +68,7 @@ def test_no_answer_reaches_a_diagnosis(fresh):
     graph = jobs(fresh)
     knowing = {_folder(path) for rule, _, outputs in graph if rule in KNOWING for path in outputs}
     for rule, inputs, _ in graph:
-        if rule in ("diagnose_concealed", "peers"):
+        if rule in ("diagnose_concealed", "peers", "enter"):
             assert knowing & {_folder(path) for path in inputs} == {FOLDER / "recordings"}
 
 
@@ -77,8 +77,8 @@ def _folder(path: str) -> Path:
 
 
 def test_the_blind_side_imports_nothing_that_plants():
-    allowed = {"__init__", "archive", "rows", "blind", "peers"}
-    for script in ("diagnose_concealed", "resolve", "peers"):
+    allowed = {"__init__", "archive", "rows", "blind", "peers", "entered"}
+    for script in ("diagnose_concealed", "resolve", "peers", "enter"):
         paths = imported(ROOT / "workflow" / "scripts" / f"{script}.py")
         assert {path.stem for path in paths if path.parent.name == "concealed"} <= allowed
 
@@ -89,6 +89,8 @@ def test_the_blind_side_imports_nothing_that_plants():
         ("conceal", ["conceal", "reveal"]),
         ("diagnose", ["diagnose_concealed", "resolve"]),
         ("peers", ["peers"]),
+        ("enter", ["enter"]),
+        ("grade", ["grade", "concealed_entered"]),
         ("score", ["score", "concealed_cases"]),
         ("measures", ["concealed_summary"]),
         ("pictures", ["concealed_figure"]),
@@ -124,7 +126,10 @@ def recorded(tmp_path_factory) -> Path:
     folder = tree / "results" / "one" / "recordings" / "1-of-1"
     folder.mkdir(parents=True)
     save_recording(folder, "1", record(0, lambda model: model.dof_frictionloss.__setitem__(1, 0.02), runs=3))
-    one = {"results": "results/one", "cases": dict.fromkeys(("null", "double", "outside", "twin"), 0) | {"single": 1}}
+    one = {
+        "results": "results/one",
+        "cases": dict.fromkeys(("null", "double", "outside", "twin", "crowd"), 0) | {"single": 1},
+    }
     (tree / "one.yaml").write_text(yaml.safe_dump({"concealed": one}))
     return tree
 
@@ -161,7 +166,7 @@ def test_the_shipped_benchmarks_are_valid():
     smoke = (ROOT / "config" / "concealed-smoke.yaml").read_text()
     check(settings(), SCHEMA)
     check(settings(json.dumps(yaml.safe_load(smoke)["concealed"])), SCHEMA)
-    assert sum(yaml.safe_load(smoke)["concealed"]["cases"].values()) == 6
+    assert sum(yaml.safe_load(smoke)["concealed"]["cases"].values()) == 8
 
 
 @pytest.mark.parametrize(
@@ -171,7 +176,7 @@ def test_the_shipped_benchmarks_are_valid():
         ("cases: {singel: 3}", ["concealed.cases.singel", "did you mean 'single'?"]),
         ("cases: {single: -1}", ["concealed.cases.single is -1", "at least 0"]),
         ("cases: {null: 3}", ["concealed.cases.None", "allowed: single, null"]),
-        ("rigs: [arm]", ["concealed.rigs[0] is 'arm'", "arm_free, arm_contact, block"]),
+        ("rigs: [arm]", ["concealed.rigs[0] is 'arm'", "arm_free, arm_contact, block, six_axis, six_servo, leg"]),
         ("lambda: {single: [30, 3]}", ["concealed.lambda.single is [30, 3]", "swap them"]),
         ("lambda: {single: [0, 3]}", ["concealed.lambda.single[0] is 0", "greater than 0"]),
         ("compared: 2", ["concealed.compared is 2", "at most 1"]),
@@ -179,7 +184,7 @@ def test_the_shipped_benchmarks_are_valid():
         ("refitted: 0.5", ["concealed.refitted is 0.5", "at most concealed.compared, 0.3333"]),
         ("gathered: some", ["concealed.gathered is 'some'", "all, scored"]),
         ("results: out/", ["concealed.results is 'out/'", "without a slash at its end"]),
-        ('cases: {single: 0, "null": 0, double: 0, outside: 0, twin: 0}', ["at least one case"]),
+        ('cases: {single: 0, "null": 0, double: 0, outside: 0, twin: 0, crowd: 0}', ["at least one case"]),
     ],
 )
 def test_a_mistake_gets_one_clear_line(override, parts):
@@ -199,7 +204,7 @@ def test_what_is_scored_can_be_read_before_the_rest_is(fresh, tmp_path):
     override = ["--config", f"concealed={{results: {tmp_path}/half, gathered: scored}}"]
     refused = snakemake(fresh, "concealed", *SMOKE, *override, "-n")
     assert "holds no part yet" in refused.stderr + refused.stdout
-    part = tmp_path / "half" / "scores" / "2-of-2.jsonl"
+    part = tmp_path / "half" / "scores" / "2-of-3.jsonl"
     part.parent.mkdir(parents=True)
     part.touch()
     assert "score" not in planned(fresh, "concealed", *SMOKE, *override)

@@ -1,5 +1,5 @@
 """The command `fimpact`: check a case, write a first one, diagnose one, fit what you name, resolve what is left, list
-what can be found.
+what can be found, make and grade a challenge.
 
 argparse, because it ends with exit code 2 on bad usage as everything here does on bad input, and needs no dependency.
 """
@@ -145,7 +145,23 @@ def _parser() -> argparse.ArgumentParser:
     catalogue.add_argument("--model", type=Path, metavar="MODEL.xml", help="name the places that this MJCF has for it")
     catalogue.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
     catalogue.set_defaults(run=_effects)
+    _add_benchmark(commands.add_parser("benchmark", help="make a challenge of concealed physics, or grade one"))
     return parser
+
+
+def _add_benchmark(parser: argparse.ArgumentParser) -> None:
+    """Both halves of the challenge, for this tool and others."""
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+    make = commands.add_parser("make", help="plant, record and seal cases in a new folder")
+    make.add_argument("--seed", type=int, required=True, metavar="N", help="of all that is drawn; not one published")
+    make.add_argument("--out", type=Path, required=True, metavar="FOLDER")
+    make.add_argument("--cases", type=int, default=60, metavar="COUNT", help="default: 60")
+    make.add_argument("--rigs", default="", metavar="RIG,...", help="default: all six")
+    make.set_defaults(run=_make_challenge)
+    grade = commands.add_parser("grade", help="open the seals and write entered.csv beside the answers")
+    grade.add_argument("answers", type=Path, metavar="ANSWERS.csv")
+    grade.add_argument("--of", type=Path, metavar="FOLDER", help="of the challenge; default: that of the answers")
+    grade.set_defaults(run=_grade)
 
 
 def _seconds(text: str) -> float:
@@ -262,6 +278,24 @@ def _keys(options: argparse.Namespace) -> None:
 
     text = files("fimpact.cases").joinpath("keys.md").read_text(encoding="utf-8")
     print(text.partition(OTHERS)[0].rstrip())
+
+
+def _make_challenge(options: argparse.Namespace) -> None:
+    from fimpact.concealed.challenge import make
+    from fimpact.concealed.rigs import RIGS
+
+    rigs = options.rigs.split(",") if options.rigs else list(RIGS)
+    count = make(options.seed, options.out, options.cases, rigs, _teller())
+    print(f"{count} cases in {options.out}: fill in answers.csv there, then `fimpact benchmark grade`")
+
+
+def _grade(options: argparse.Namespace) -> None:
+    from fimpact.concealed.challenge import grade_answers, summary
+
+    graded = grade_answers(options.answers, options.of or options.answers.parent)
+    out = options.answers.with_name("entered.csv")
+    graded.to_csv(out, index=False)
+    print("\n".join([*summary(graded), f"wrote {out}"]))
 
 
 def _effects(options: argparse.Namespace) -> None:

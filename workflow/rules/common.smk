@@ -45,8 +45,10 @@ EFFECTS = (
 )
 SHARED = ["__init__", "tables", "drafts", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
 RIGS = ["quiet"] + [
-    f"concealed/{name}" for name in "rigs planting plants strangers truth world at_bodies at_joints at_signals".split()
+    f"concealed/{name}"
+    for name in "crowd rig rigs planar robots planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
+GRADING = "campaigns challenge crowded detect draw drawing grading motions places plan referee seal sizing split twins"
 CASE = (
     "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics lerobot load "
     "misreadings model motion physics plausible quaternions readers ros rows runs sensor_ties sensors servo_ties "
@@ -85,12 +87,18 @@ STAGES = {
     "conceal": [
         *SHARED,
         *RIGS,
-        *(f"concealed/{name}" for name in "detect draw motions plan referee seal sizing split twins".split()),
+        *(
+            f"concealed/{name}"
+            for name in "campaigns crowded detect draw drawing motions places plan referee seal sizing split twins".split()
+        ),
     ],
     "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "experiments/resolve", "concealed/blind"],
     "peers": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/peers"],
-    "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "oracle places score seal".split()],
-    "measures": ["__init__", "tables", "drafts", "concealed/__init__", "concealed/lines", "concealed/measures"],
+    "enter": [*SHARED, *PROOF, "simulation/random_features", "knobs", "peers", "concealed/entered"],
+    "grade": [*SHARED, *RIGS, "recordings", *(f"effects/{name}" for name in EFFECTS.split() if name != "classes")]
+    + [f"concealed/{name}" for name in GRADING.split()],
+    "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "grading oracle places score seal".split()],
+    "measures": ["__init__", "tables", "drafts", *(f"concealed/{n}" for n in "__init__ lines measures strata".split())],
     "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
     "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
     + "scene stage replay gif examples".split(),
@@ -236,6 +244,11 @@ def parts_of_cases(folder):
     return [path for path in every if Path(path).exists()] or sys.exit(
         f"{BENCHMARK['results']}/{folder} holds no part yet; leave out concealed.gathered, or wait until one is"
     )
+
+
+def whole():
+    """Whether all is made anew: neither a table that is given nor what is scored so far is to be read."""
+    return "tables" not in BENCHMARK and BENCHMARK.get("gathered", "all") == "all"
 
 
 def case_inputs(wildcards):

@@ -1,5 +1,5 @@
 # The blind benchmark: plant and seal, diagnose from recordings alone, play what was asked for, open the seals, score.
-# Only `conceal`, `reveal` and `score` touch sealed/. A part is finished before another is begun (`priority`).
+# Only `conceal`, `reveal`, `grade` and `score` touch sealed/. A part is finished before another is begun (`priority`).
 
 PICTURES = ["confusion", "held-out", "calibration", "detection"]
 
@@ -7,6 +7,8 @@ PICTURES = ["confusion", "held-out", "calibration", "detection"]
 rule concealed:
     input:
         "<concealed>/measures.md",
+        "<concealed>/strata.csv",
+        "<concealed>/entered.csv" if whole() else [],
         expand("<concealed>/{figure}.svg", figure=PICTURES),
 
 
@@ -103,6 +105,55 @@ rule peers:
         "../scripts/peers.py"
 
 
+rule enter:
+    input:
+        recordings="<concealed>/recordings/{scatteritem}",
+        code=code("enter"),
+    output:
+        "<concealed>/entries/{scatteritem}.jsonl",
+    log:
+        "<concealed>/logs/enter/{scatteritem}.log",
+    priority: 4
+    threads: 1
+    params:
+        compared=compared_cases(),
+    message:
+        "other tools on part {wildcards.scatteritem}"
+    script:
+        "../scripts/enter.py"
+
+
+rule grade:
+    input:
+        recordings="<concealed>/recordings/{scatteritem}",
+        sealed="<concealed>/sealed/{scatteritem}",
+        entries="<concealed>/entries/{scatteritem}.jsonl",
+        code=code("grade"),
+    output:
+        "<concealed>/grades/{scatteritem}.jsonl",
+    log:
+        "<concealed>/logs/grade/{scatteritem}.log",
+    priority: 5
+    threads: 1
+    message:
+        "open the seals of part {wildcards.scatteritem} and grade other tools"
+    script:
+        "../scripts/grade.py"
+
+
+rule concealed_entered:
+    input:
+        parts=lambda wildcards: parts_of_cases("grades"),
+    output:
+        "<concealed>/entered.csv",
+    log:
+        "<concealed>/logs/entered.log",
+    message:
+        "gather entered.csv"
+    script:
+        "../scripts/concealed_entered.py"
+
+
 rule score:
     input:
         recordings="<concealed>/recordings/{scatteritem}",
@@ -147,6 +198,7 @@ rule concealed_summary:
     output:
         table=report("<concealed>/measures.csv", caption="../report/measures.rst", category="Blind benchmark"),
         text="<concealed>/measures.md",
+        strata="<concealed>/strata.csv",
     log:
         "<concealed>/logs/summary.log",
     message:
@@ -176,6 +228,8 @@ rule concealed_reference:
     input:
         "<concealed>/cases.csv",
         "<concealed>/measures.csv",
+        "<concealed>/strata.csv",
+        "<concealed>/entered.csv",
         expand("<concealed>/{figure}.png", figure=PICTURES),
     log:
         "<concealed>/logs/reference.log",

@@ -5,14 +5,17 @@ import numpy as np
 
 from fimpact.concealed.world import World
 
+SWUNG_OUT = 0.02  # s, damping of a base over its stiffness
+
 
 def payload(world: World, site: str, mass: float, place: float) -> None:
-    """A point mass, kg, stuck to body `site` at `place` m along its x axis."""
-    _load(world.spec.body(site), mass, np.array([place, 0.0, 0.0]))
+    """A point mass, kg, stuck to body `site` at `place` m on the way from its origin to its centre of mass."""
+    body = world.spec.body(site)
+    _load(body, mass, place * body.ipos / np.sqrt(body.ipos @ body.ipos))
 
 
 def _load(body, mass, place):
-    """Parallel axes: the body and a point mass as one, its principal axes kept (all offsets are along x)."""
+    """Parallel axes: the body and a point mass as one, its principal axes kept (all offsets are along one of them)."""
     total = body.mass + mass
     centre = (body.mass * body.ipos + mass * place) / total
     reach = body.mass * (body.ipos - centre) ** 2 + mass * (place - centre) ** 2
@@ -48,6 +51,16 @@ def gravity_tilt(world: World, site: str, tilt_x: float = 0.0, tilt_y: float = 0
     axis = turn / max(angle, 1e-300)
     across, along = np.cross(axis, gravity), (axis @ gravity) * axis
     world.spec.option.gravity = along + np.cos(angle) * (gravity - along) + np.sin(angle) * across
+
+
+def base_gives_way(world: World, site: str, compliance: float) -> None:
+    """The base tips by `compliance` rad/(N m) about its horizontal axes, and swings out within some hundredths of s."""
+    base = world.spec.body(site)
+    for name, axis in (("base_x", [1, 0, 0]), ("base_y", [0, 1, 0])):
+        joint = base.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
+        joint.stiffness, joint.damping = np.array([1 / compliance, 0, 0]), np.array([SWUNG_OUT / compliance, 0, 0])
+        joint.armature, joint.frictionloss = 0.0, 0.0
+        world.settled.append(name)
 
 
 def gravity_scale(world: World, site: str, change: float) -> None:
@@ -97,7 +110,7 @@ def magnet(world: World, site: str, force: float, x: float, y: float, z: float, 
 
 def gust(world: World, site: str, force: float, angle: float, time: float, width: float) -> None:
     """One blow of wind in every run at about `time` s, in the x-z or x-y plane. Outside the catalogue."""
-    side = 2 if world.rig.throws() else 1
+    side = 2 if world.rig.plane == "xz" else 1
     direction = np.cos(angle) * np.eye(3)[0] + np.sin(angle) * np.eye(3)[side]
     on_body(world, site, lambda v, x, t: force * np.exp(-(((t - time) / width) ** 2)) * direction)
 
@@ -105,7 +118,7 @@ def gust(world: World, site: str, force: float, angle: float, time: float, width
 def pendulum(world: World, site: str, mass: float, rate: float) -> None:
     """A mass, kg, that swings on an unseen spring at `rate` rad/s inside body `site`. Outside the catalogue."""
     body = world.spec.body(site)
-    axis = [1, 0, 0] if world.rig.throws() else [0, 1, 0]
+    axis = [1, 0, 0] if world.rig.plane == "xz" else [0, 1, 0]
     inner = body.add_body(name="unseen", pos=body.ipos, mass=mass, inertia=[1e-7] * 3, ipos=[0, 0, 0])
     inner.explicitinertial = True
     inner.add_joint(
@@ -143,7 +156,7 @@ def _turned(quat):
 def ground_tilt(world: World, site: str, tilt_y: float) -> None:
     """The ground leans by `tilt_y` rad in the plane of motion, which its own y axis is normal to."""
     geom, turn, out = world.spec.geom(site), np.zeros(4), np.zeros(4)
-    axis = np.array([0.0, 1.0, 0.0] if world.rig.throws() else [0.0, 0.0, 1.0])
+    axis = np.array([0.0, 1.0, 0.0] if world.rig.plane == "xz" else [0.0, 0.0, 1.0])
     mujoco.mju_axisAngle2Quat(turn, axis, tilt_y)
     mujoco.mju_mulQuat(out, turn, world.rig.naive.geom(site).quat)
     geom.quat, geom.alt.type = out, mujoco.mjtOrientation.mjORIENTATION_QUAT
@@ -222,3 +235,25 @@ def wavy_ground(world: World, site: str, height: float, length: float) -> None:
         return before_step
 
     world.hooks.append(make)
+
+
+def loose_tool(world: World, site: str, share: float, gap: float) -> None:
+    """A `share` of the mass of body `site` slides to and fro by `gap` m across it, held by nothing but its ends.
+    Outside the catalogue."""
+    body = world.spec.body(site)
+    mass = share * body.mass
+    across = np.eye(3)[0 if np.argmax(np.abs(body.ipos)) else 1]
+    tool = body.add_body(name="tool", pos=body.ipos, mass=mass, inertia=[1e-7] * 3, ipos=[0, 0, 0])
+    tool.explicitinertial = True
+    slide = tool.add_joint(name="tool", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=across)
+    slide.limited, slide.range = True, [-gap / 2, gap / 2]
+    slide.solref_limit, slide.armature, slide.damping = (0.005, 0.5), 0.0, np.array([mass, 0, 0])
+    body.mass -= mass
+
+
+def tilted_axis(world: World, site: str, tilt: float) -> None:
+    """The axis of joint `site` leans by `tilt` rad from where it should point. Outside the catalogue."""
+    joint = world.spec.joint(site)
+    axis = np.array(joint.axis)
+    across = np.eye(3)[(np.argmax(np.abs(axis)) + 1) % 3]
+    joint.axis = np.cos(tilt) * axis + np.sin(tilt) * across

@@ -3,13 +3,11 @@
 import mujoco
 import numpy as np
 
-from fimpact.concealed.world import World
+from fimpact.concealed.world import FIRM, World, sharpen
 
 NEARLY_NONE = 1e-9  # N m: a friction row must exist when the model is compiled
 RINGING = 2e-3  # s, damping of an elastic gear over its stiffness
 STOP = (0.001, 1.0)  # solref of hard stops, s and 1: at 5 ms the shaft overran them by more than half of the play
-FIRM = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp of hard stops: they give a ten-thousandth of what soft ones would
-PROMPT = 2.0  # steps, time constant of dry friction: the least that MuJoCo takes; it stops a joint within one step
 
 
 def coulomb(world: World, site: str, friction: float) -> None:
@@ -18,10 +16,9 @@ def coulomb(world: World, site: str, friction: float) -> None:
 
 
 def _exact(world, site):
-    """The joint, its dry friction as sharp as the step: at MuJoCo's default it turns over some 10 ms before the speed
-    does, as no friction would."""
+    """The joint, its dry friction as sharp as the step."""
     joint = world.spec.joint(site)
-    joint.solref_friction, joint.solimp_friction = (PROMPT * world.step, 1.0), FIRM
+    sharpen(joint, world.step)
     return joint
 
 
@@ -38,12 +35,14 @@ def quadratic_damping(world: World, site: str, damping: float) -> None:
 
 
 def _dry(world, site, level):
-    """Native dry friction whose level, of (speed, position, actuator torque, time), follows the motion.
+    """Native dry friction whose level, beside what is known, of (speed, position, actuator torque, time),
+    follows the motion.
 
     The speed that `level` gets has the sign of the way on which friction is met: where the joint rests, that on which
     it would break away.
     """
-    _exact(world, site).frictionloss = NEARLY_NONE
+    rubbing = _exact(world, site)
+    known, rubbing.frictionloss = rubbing.frictionloss, rubbing.frictionloss + NEARLY_NONE
 
     def make(model, data):
         joint = model.joint(site)
@@ -51,9 +50,9 @@ def _dry(world, site, level):
         motor = _motor(model, site)
 
         def before_step():
-            drive = data.ctrl[motor] * model.actuator_gear[motor, 0] if motor >= 0 else 0.0
-            speed = _opposed(data, dof)
-            model.dof_frictionloss[dof] = max(level(speed, data.qpos[place], drive, data.time), NEARLY_NONE)
+            speed, drive = _opposed(data, dof), _driven(model, data, motor)
+            more = level(speed, data.qpos[place], drive, data.time)
+            model.dof_frictionloss[dof] = known + max(more, NEARLY_NONE)
 
         return before_step
 
@@ -65,6 +64,14 @@ def _opposed(data, dof):
     rows = (data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF) & (data.efc_id == dof)
     friction = data.efc_force[rows].sum()
     return -np.copysign(data.qvel[dof], friction) if friction else data.qvel[dof]
+
+
+def _driven(model, data, motor):
+    """Torque of a motor, 0 where there is none: of a servo that of the step before."""
+    if motor < 0:
+        return 0.0
+    serves = model.actuator_biasprm[motor, 1] != 0
+    return data.actuator_force[motor] if serves else data.ctrl[motor] * model.actuator_gainprm[motor, 0]
 
 
 def _motor(model, site):
@@ -97,6 +104,18 @@ def warming(world: World, site: str, torque: float, time: float) -> None:
     _dry(world, site, lambda v, q, u, t: torque * np.exp(-t / time))
 
 
+def self_heating(world: World, site: str, damping: float, heat: float) -> None:
+    """Viscous friction of cold grease, N m s/rad, of which `heat` J of its own loss leave 1/e. Outside the
+    catalogue."""
+
+    def law(v, q, u, t, h, memory):
+        level = damping * np.exp(-memory.get("lost", 0.0) / heat)
+        memory["lost"] = memory.get("lost", 0.0) + level * v * v * h
+        return -level * v
+
+    push(world, site, law)
+
+
 def push(world: World, site: str, torque) -> None:
     """A generalised force, of (speed, position, motor torque, time, step, memory), at a joint."""
 
@@ -105,10 +124,8 @@ def push(world: World, site: str, torque) -> None:
         dof, place, motor = joint.dofadr[0], joint.qposadr[0], _motor(model, site)
 
         def before_step():
-            drive = data.ctrl[motor] * model.actuator_gear[motor, 0] if motor >= 0 else 0.0
-            data.qfrc_applied[dof] += torque(
-                data.qvel[dof], data.qpos[place], drive, data.time, model.opt.timestep, memory
-            )
+            drive, step = _driven(model, data, motor), model.opt.timestep
+            data.qfrc_applied[dof] += torque(data.qvel[dof], data.qpos[place], drive, data.time, step, memory)
 
         return before_step
 
@@ -143,6 +160,19 @@ def hysteresis(world: World, site: str, stiffness: float, width: float) -> None:
         slip = memory.get("slip", 0.0)
         memory["slip"] = slip + h * (v - 0.5 * (abs(v) * slip + v * abs(slip)) / width)
         return -stiffness * memory["slip"]
+
+    push(world, site, law)
+
+
+def cable_hysteresis(world: World, site: str, coefficient: float, stretch: float) -> None:
+    """A cable that rubs on its guides in proportion to its tension, once it is stretched by `stretch` rad, and
+    more when it is let go than when it is pulled. Outside the catalogue."""
+
+    def law(v, q, u, t, h, memory):
+        most = coefficient * abs(u) * (1.5 if u * v < 0 else 0.75)
+        bent = memory.get("bent", 0.0) + h * v / stretch
+        memory["bent"] = np.clip(bent, -1, 1)
+        return -most * memory["bent"]
 
     push(world, site, law)
 
@@ -198,3 +228,61 @@ def joint_elasticity(world: World, site: str, compliance: float) -> None:
 def rotor_inertia(world: World, site: str, inertia: float) -> None:
     """More inertia on the motor's side than believed, kg m^2."""
     world.spec.joint(site).armature += inertia
+
+
+def transmission_coupling(world: World, site: str, inertia: float, damping: float, friction: float) -> None:
+    """Belts or gears to a neighbour run through this joint and drag it, of ``joint<-neighbour``."""
+    name, _, other = site.partition("<-")
+
+    def make(model, data):
+        dof, source = model.joint(name).dofadr[0], model.joint(other).dofadr[0]
+        applied, speeds, accelerations = data.qfrc_applied, data.qvel, data.qacc
+
+        def before_step():
+            speed = speeds[source]
+            # The acceleration of the step before, which is short.
+            applied[dof] -= inertia * accelerations[source] + damping * speed + friction * np.sign(speed)
+
+        return before_step
+
+    world.hooks.append(make)
+
+
+def deadband(world: World, site: str, width: float) -> None:
+    """A servo counts its error from the edge of a band of `width` rad around its target."""
+
+    def make(model, data):
+        motor = model.actuator(site).id
+        joint, stiffness = model.actuator_trnid[motor, 0], model.actuator_gainprm[motor, 0]
+        dof, place, limit = model.jnt_dofadr[joint], model.jnt_qposadr[joint], model.actuator_forcerange[motor, 1]
+        drag = model.actuator_biasprm[motor, 2]
+
+        def before_step():
+            error, braking = data.ctrl[motor] - data.qpos[place], drag * data.qvel[dof]
+            felt = np.sign(error) * max(abs(error) - width / 2, 0.0)
+            given, asked = (min(max(stiffness * e + braking, -limit), limit) for e in (felt, error))
+            data.qfrc_applied[dof] += given - asked
+
+        return before_step
+
+    world.hooks.append(make)
+
+
+def wound_integral(world: World, site: str, rate: float, limit: float) -> None:
+    """A servo that adds the integral of its error, 1/s of its gain, and holds it at `limit` N m. Outside the
+    catalogue."""
+
+    def make(model, data):
+        motor = model.actuator(site).id
+        joint, gain = model.actuator_trnid[motor, 0], rate * model.actuator_gainprm[motor, 0]
+        dof, place, last = model.jnt_dofadr[joint], model.jnt_qposadr[joint], [0.0, 0.0]
+
+        def before_step():
+            integral, time = last
+            step, error = data.time - time, data.ctrl[motor] - data.qpos[place]
+            last[:] = min(max(integral + gain * error * step, -limit), limit), data.time
+            data.qfrc_applied[dof] += last[0]
+
+        return before_step
+
+    world.hooks.append(make)

@@ -1,5 +1,6 @@
 """How actuation and sensing are falsified on their way in and out of a world."""
 
+import mujoco
 import numpy as np
 from scipy.signal import lfilter
 
@@ -18,10 +19,15 @@ def _command(world, site, change):
     world.commands.append(apply)
 
 
+def _before(world, command):
+    """Command before the start of each run, (runs, 1): of a servo its first target."""
+    return command[:, :1] * world.rig.serves()
+
+
 def gain(world: World, site: str, change: float) -> None:
     """The motor gives 1 + `change` times the torque it should."""
     actuator = world.spec.actuator(site)
-    actuator.gear = np.array([actuator.gear[0] * (1 + change), *actuator.gear[1:]])
+    actuator.gainprm, actuator.biasprm = actuator.gainprm * (1 + change), actuator.biasprm * (1 + change)
 
 
 def saturation(world: World, site: str, limit: float) -> None:
@@ -32,15 +38,37 @@ def saturation(world: World, site: str, limit: float) -> None:
 
 def torque_offset(world: World, site: str, offset: float) -> None:
     """The motor adds a constant torque, N m; its gear is 1."""
-    _command(world, site, lambda command, step: command + offset)
+    actuator = world.spec.actuator(site)
+    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    actuator.biasprm = actuator.biasprm + offset * np.eye(10)[0]
+
+
+def servo_kp(world: World, site: str, change: float) -> None:
+    """The servo's gain on the error of its position is 1 + `change` times what it should be."""
+    actuator, alone = world.spec.actuator(site), np.eye(10)
+    actuator.gainprm = actuator.gainprm * (1 + change * alone[0])
+    actuator.biasprm = actuator.biasprm * (1 + change * (alone[0] + alone[1]))
+
+
+def servo_kv(world: World, site: str, change: float) -> None:
+    """The servo's gain on its speed is 1 + `change` times what it should be."""
+    actuator = world.spec.actuator(site)
+    actuator.biasprm = actuator.biasprm * (1 + change * np.eye(10)[2])
+
+
+def target_resolution(world: World, site: str, step: float) -> None:
+    """Targets are rounded to whole steps, rad."""
+    _command(world, site, lambda command, _: step * np.round(command / step))
 
 
 def command_delay(world: World, site: str, delay: float) -> None:
-    """Commands arrive `delay` s late; nothing is commanded before the start."""
+    """Commands arrive `delay` s late; before the start a servo holds its first target, and nothing else is
+    commanded."""
 
     def late(command, step):
         whole, part = divmod(delay / step, 1)
-        padded = np.concatenate([np.zeros((len(command), int(whole) + 1)), command], axis=1)
+        before = np.repeat(_before(world, command), int(whole) + 1, axis=1)
+        padded = np.concatenate([before, command], axis=1)
         count = command.shape[1]
         return (1 - part) * padded[:, 1 : 1 + count] + part * padded[:, :count]
 
@@ -52,7 +80,7 @@ def actuator_lag(world: World, site: str, time: float) -> None:
 
     def lag(command, step):
         keep = time / (time + step)  # implicit Euler, which lags by `time` at any step
-        return lfilter([1 - keep], [1, -keep], command, axis=1)
+        return lfilter([1 - keep], [1, -keep], command, axis=1, zi=keep * _before(world, command))[0]
 
     _command(world, site, lag)
 

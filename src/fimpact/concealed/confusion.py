@@ -18,6 +18,7 @@ def confusion(cases: pd.DataFrame, stem: Path | str) -> None:
     A cell's number counts cases; a dot marks those where the name is right and the site wrong.
     """
     alone = cases[cases.kind.isin(["single", "null"])]
+    alone = alone.assign(planted=alone.planted.map(named))
     answered = alone.answer.map(named)
     rows = [*sorted(set(alone.planted) - {NONE}), *([NONE] if NONE in set(alone.planted) else [])]
     others = sorted(set(answered) - set(rows) - {NONE, SEVERAL, UNNAMED})
@@ -38,7 +39,7 @@ def confusion(cases: pd.DataFrame, stem: Path | str) -> None:
 
 def named(answer: str) -> str:
     """The effect's name in an answer, "none", "unnamed" or "several"."""
-    return SEVERAL if "+" in answer else answer.split("@")[0]
+    return SEVERAL if {"+", ";"} & set(answer) else answer.split("@")[0]
 
 
 def _misplaced(alone: pd.DataFrame) -> pd.Series:

@@ -11,7 +11,7 @@ import numpy as np
 from mujoco import rollout
 
 from fimpact.concealed.motions import Motion
-from fimpact.concealed.rigs import CLOCK, Rig
+from fimpact.concealed.rig import CLOCK, Rig
 from fimpact.concealed.world import DRIVEN, FULL, new_world
 
 PIECES = 5  # in which a window's disturbance is described
@@ -89,7 +89,7 @@ def tangents(rig: Rig, errors: np.ndarray, windows: Windows, pushed: bool) -> Ta
         (predict(rig, models(rig, errors + size * np.eye(len(errors))[i]), windows.start, windows.ctrl) - base) / size
         for i, size in enumerate([0.01 * u.sd for u in rig.unknowns])
     ]
-    push = _pulses(rig, model, windows, base) if pushed else None
+    push = pulses(rig, model, windows, base) if pushed else None
     return Tangents(
         windows.first == 0, np.stack(start, axis=2), np.stack(unknown, axis=2), _clocks(rig, windows, base), push
     )
@@ -102,7 +102,7 @@ def _clocks(rig: Rig, windows: Windows, base: np.ndarray) -> np.ndarray:
     return late[:, :, None] * (windows.row[:, None, None] == np.unique(windows.row))
 
 
-def _pulses(rig, model, windows, base):
+def pulses(rig, model, windows, base):
     """Sensitivity to the generalised force, in units of `rig.disturbance`, over each of `PIECES`."""
     count, size, out = windows.ctrl.shape[1] * rig.coarse, 1e-2, []
     length = -(-count // PIECES)
@@ -120,6 +120,26 @@ def coloured(rig: Rig, push: np.ndarray, correlation: float) -> np.ndarray:
     lag = np.abs(np.subtract.outer(np.arange(PIECES), np.arange(PIECES))) * piece
     root = np.linalg.cholesky(np.exp(-lag / correlation) + 1e-9 * np.eye(PIECES))
     return push @ np.kron(np.eye(rig.naive.nv), root)
+
+
+def unlogged(rig: Rig, push: np.ndarray) -> np.ndarray:
+    """Response (W, n ny, k) to what motor currents tell wrongly, as independent columns; none where commands are known.
+
+    Of what is white from sample to sample, and of the ripple, which is hardly less so, a piece keeps the mean.
+    """
+    samples = round((rig.window or rig.duration) / PIECES / rig.period)
+    dofs = [rig.naive.joint(name).dofadr[0] for name in rig.driven] if len(rig.current) else []
+    told = rig.current * np.sqrt(1.5 / samples)
+    parts = [
+        push[:, :, PIECES * dof : PIECES * (dof + 1)] * sd / rig.disturbance[dof]
+        for dof, sd in zip(dofs, told, strict=True)
+    ]
+    return np.concatenate([push[:, :, :0], *parts], axis=2)
+
+
+def noise_of(rig: Rig, push: np.ndarray, disturbance: float, correlation: float) -> np.ndarray:
+    """Whitened response (W, n ny, m) to all that moves the robot and is not logged, from that to unit forces `push`."""
+    return np.concatenate([disturbance * coloured(rig, push, correlation), unlogged(rig, push)], axis=2)
 
 
 def loudness(rig: Rig, tangent: Tangents, response: np.ndarray) -> float:
@@ -194,6 +214,27 @@ def absorb(rig: Rig, tangent: Tangents, white: White, change: np.ndarray) -> tup
     errors = np.linalg.solve(gram + _prior(rig, tangent), seen)[:, 0]
     moved = np.linalg.solve(information, along - (cross @ errors)[:, :, None])[:, :, 0]
     return errors[: len(rig.unknowns)], moved
+
+
+def oracle_sd(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> np.ndarray:
+    """Standard deviations, (p,), in the units of `Unknown`, with which an oracle knows the unknowns in the end when the
+    sizes of `traces` (W, n ny, k), starts and clocks are to be fitted too."""
+    both, start = (white(a) for a in (np.concatenate([traces, _unknown(tangent)], 2), tangent.start))
+    cross, k = _t(start) @ both, traces.shape[2]
+    gram = np.sum(_t(both) @ both - _t(cross) @ np.linalg.solve(_start_information(rig, tangent, start), cross), axis=0)
+    gram[k:, k:] += _prior(rig, tangent)
+    scale = 1 / np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    spread = scale * np.sqrt(np.diag(np.linalg.pinv(scale[:, None] * gram * scale)))
+    return spread[k : k + len(rig.unknowns)]
+
+
+def equivalent_force(rig: Rig, push: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Root mean square of the generalised force on each degree of freedom, (nv,), N or N m, that would change what is
+    read by `change` (W, n ny, 1) from the same starts. push: whitened response (W, n ny, k) to unit forces."""
+    size = np.sqrt(np.sum(push**2, axis=1, keepdims=True)) + np.finfo(float).tiny
+    unit = push / size
+    pieces = np.linalg.solve(_t(unit) @ unit + SPREAD * np.eye(push.shape[2]), _t(unit) @ change)[:, :, 0] / size[:, 0]
+    return np.sqrt(np.mean(pieces.reshape(len(pieces), -1, PIECES) ** 2, axis=(0, 2))) * rig.disturbance
 
 
 def _unknown(tangent: Tangents) -> np.ndarray:

@@ -4,24 +4,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.concealed.motions import Motion, draw_motion
+from fimpact.concealed.crowded import draw_crowd
+from fimpact.concealed.detect import models
+from fimpact.concealed.drawing import check_stable, errors_of, form_of, nuisance_of, planted, record, together
+from fimpact.concealed.motions import draw_motion
+from fimpact.concealed.places import places
 from fimpact.concealed.plants import PLANTS
-from fimpact.concealed.rigs import CLOCK, RIGS, Rig, rig_of
-from fimpact.concealed.sizing import Stage, Trace, Unfit, concealment, fit_size, glance, seen, set_stage, trace, whole
+from fimpact.concealed.rig import Rig
+from fimpact.concealed.rigs import RIGS, rig_of
+from fimpact.concealed.sizing import Trace, Unfit, fit_size, glance, seen, trace, whole
 from fimpact.concealed.split import SPLIT, best_split
 from fimpact.concealed.strangers import STRANGERS, known
-from fimpact.concealed.truth import Planted, Truth, clean, measure, slips, world_of
+from fimpact.concealed.truth import Planted, Truth
 from fimpact.concealed.twins import TWINS
-from fimpact.concealed.world import play
-from fimpact.recordings import Recording, Run
+from fimpact.recordings import Recording
 
-KINDS = ("single", "null", "double", "outside", "twin")
-LAMBDA = {"single": (3.0, 3000.0), "double": (30.0, 3000.0), "outside": (30.0, 3000.0), "twin": (30.0, 300.0)}
+KINDS = ("single", "null", "double", "outside", "twin", "crowd")
+WORTH = (0.03, 0.3)  # of an odd effect in a crowd, the share of the force at its place
+LAMBDA = dict.fromkeys(KINDS, (30.0, 3000.0)) | {"single": (3.0, 3000.0), "twin": (30.0, 300.0), "crowd": WORTH}
 HIDDEN = 0.9  # concealment that half of the cases insist on
 ALIKE, INDISTINCT = 0.9, 4.0  # cosine above, and non-centrality below, which no oracle can tell two effects apart
 ATTEMPTS = {"twin": 4}  # draws of a case, 24 where nothing else is said: some twins hardly any motion makes
 INSISTENCE = 4  # draws for which half of the cases insist on being hidden
-UNSTABLE = 10.0  # times what coarser, implicit steps read at most
 SHARED = 3  # one in so many draws, the first, share their target
 
 
@@ -34,7 +38,7 @@ def draw_case(
 
     Args:
         kind: one of `KINDS`. system: draw in this rig only; "": in all.
-        spans: kind -> smallest and largest non-centrality, instead of `LAMBDA`.
+        spans: kind -> smallest and largest non-centrality, of a crowd worth of its odd effect, instead of `LAMBDA`.
 
     Raises:
         ValueError: an unknown kind or system, or nothing of this kind fits in that rig.
@@ -49,8 +53,9 @@ def draw_case(
         shared = attempt < attempts // SHARED
         aim = np.random.default_rng([seed, index, KINDS.index(kind), 99 if shared else attempt])
         target = float(np.exp(aim.uniform(np.log(low), np.log(high))))
+        draw = draw_crowd if kind == "crowd" else _draw
         try:
-            return _draw(rng, index, kind, system, target, attempt, (seed, index, KINDS.index(kind), attempt))
+            return draw(rng, index, kind, system, target, attempt, (seed, index, KINDS.index(kind), attempt))
         except Unfit:
             continue
     raise ValueError(f"case {index} ({kind}, {system or 'any rig'}) found no fit in {attempts} draws; try another seed")
@@ -58,36 +63,26 @@ def draw_case(
 
 def _draw(rng, index, kind, system, target, attempt, seed):
     rig, choice, style = _choose(rng, index, kind, system)
-    motion = draw_motion(rig, rng, style, _dof(rig, choice))
+    errors = errors_of(rng, rig)
+    motion = draw_motion(rig, rng, style, _dof(rig, choice), models(rig, errors))
     stiff = max((known(name).stiff for name, _ in choice), default=1)
-    stage, nuisance = _nuisance(rng, replace(rig, coarse=rig.coarse * stiff), motion)
-    forms = [_form(rng, stage, name, site) for name, site in choice]
+    stage, nuisance = nuisance_of(rng, replace(rig, coarse=rig.coarse * stiff), motion, errors)
+    forms = [form_of(rng, stage, name, site) for name, site in choice]
     if kind == "twin":
         _look(stage, choice, forms, target)
     own = list(zip(choice, forms, strict=True))[: 2 if kind == "double" else 1]
     traces = tuple(fit_size(stage, *place, known(place[0]), *form, target) for place, form in own)
-    rival, together = None, _together(stage, traces)
+    rival, shown = None, together(stage, traces)
     if kind == "twin":
         rival, cosine, left = _rival(rng, stage, choice, forms[1][0], traces[0])
-        together |= {"cosine": cosine, "left": left}
-    if kind == "single" and _insists(index, system) and attempt < INSISTENCE and together["kappa"] < HIDDEN:
+        shown |= {"cosine": cosine, "left": left}
+    if kind == "single" and _insists(index, system) and attempt < INSISTENCE and shown["kappa"] < HIDDEN:
         raise Unfit("not hidden enough")
-    effects = tuple(_planted(stage, site, t, name) for (name, site), t in zip(choice, traces, strict=False))
-    truth = Truth(kind=kind, system=rig.name, effects=effects, rival=rival, seed=seed, **together, **nuisance)
+    effects = tuple(planted(stage, site, t, name) for (name, site), t in zip(choice, traces, strict=False))
+    truth = Truth(kind=kind, system=rig.name, effects=effects, rival=rival, seed=seed, **shown, **nuisance)
     recording = record(truth, motion)
-    _check_stable(stage, truth, motion, recording)
+    check_stable(stage, truth, motion, recording)
     return recording, truth
-
-
-def _check_stable(stage: Stage, truth: Truth, motion: Motion, recording: Recording) -> None:
-    """Unfit where the recording reads far more than a simulation by other steps and another integrator: a stiff effect
-    that makes the finer one unstable is no physics."""
-    other = play(world_of(truth, stage.rig), stage.start, motion.ctrl).samples
-    largest = np.abs(other).max((0, 1)) + stage.rig.sd
-    read = np.abs([run.measured for run in recording.runs]).max((0, 1))
-    # What diverged is no number, and below nothing.
-    if not (np.isfinite(read) & (read <= UNSTABLE * largest)).all():
-        raise Unfit("the simulation is unstable")
 
 
 def _choose(rng, index, kind, system) -> tuple[Rig, list[tuple[str, str]], str]:
@@ -114,7 +109,8 @@ def _pool(shelf, rigs) -> list[tuple[Rig, str]]:
 def _insists(index: int, system: str | None) -> bool:
     """Whether this draw must be well hidden: every other one, and other effects in every pass through the pool."""
     rigs = [rig_of(system)] if system else list(RIGS.values())
-    return bool((index + index // len(_pool(PLANTS, rigs))) % 2)
+    turn, place = divmod(index, len(_pool(PLANTS, rigs)))
+    return bool((place + turn) % 2)
 
 
 def _another(rng, rig, first):
@@ -133,51 +129,9 @@ def _choose_twins(rng, index, rigs):
 
 
 def _dof(rig, choice):
-    """Degree of freedom that the motion is about: the one of the first site's number."""
-    last = choice[0][1][-1] if choice else "1"
-    return int(last) - 1 if last.isdigit() and not rig.throws() else 0
-
-
-def _nuisance(rng, rig: Rig, motion: Motion) -> tuple[Stage, dict]:
-    """Everything that is wrong with the naive model without being an effect."""
-    errors = rng.normal(size=len(rig.unknowns)) * [u.sd for u in rig.unknowns]
-    errors = np.clip(errors, *np.array([[-1], [1]]) * [0.2 if u.sd > 0.05 else 2 * u.sd for u in rig.unknowns])
-    start = motion.start + slips(rig) * rng.standard_normal(motion.start.shape)
-    offset = rng.uniform(0, CLOCK, len(start))
-    correlation, raised = rng.uniform(0.05, 0.1), rng.uniform(0.05, 0.2)
-    stage = set_stage(rig, motion, errors, start, correlation, raised)
-    return stage, {
-        "errors": tuple(errors.tolist()),
-        "start": tuple(map(tuple, start.tolist())),
-        "offset": tuple(offset.tolist()),
-        "noise": tuple(rig.sd.tolist()),
-        "disturbance": stage.disturbance,
-        "correlation": correlation,
-    }
-
-
-def _form(rng, stage: Stage, name: str, site: str) -> tuple[dict, float]:
-    """Numbers that stay fixed while an effect's size is sought, and its sign."""
-    plant = known(name)
-    return plant.shape(rng, stage.rig, stage.motion, site), -1.0 if plant.signed and rng.random() < 0.5 else 1.0
-
-
-def _together(stage, traces) -> dict:
-    """Visibility of everything planted, as one."""
-    if not traces:
-        return {"lam": 0.0, "kappa": 0.0, "kappa_unknown": 0.0, "cosine": 0.0, "left": 0.0}
-    whole = replace(traces[0], change=sum(t.change for t in traces))
-    kappa, unknown = concealment(stage, whole)
-    cosine, left = seen(stage, *traces).left(0, 1) if len(traces) == 2 else (0.0, 0.0)
-    lam = float(seen(stage, whole).size[0])
-    return {"lam": lam, "kappa": kappa, "kappa_unknown": unknown, "cosine": cosine, "left": left}
-
-
-def _planted(stage: Stage, site: str, found: Trace, name: str) -> Planted:
-    lam, (kappa, unknown) = float(seen(stage, found).size[0]), concealment(stage, found)
-    mode = known(name).mode if stage.rig.naive.npair else "free"
-    values = {key: float(value) for key, value in found.values.items()}
-    return Planted(name, site, values, lam, kappa, unknown, mode)
+    """Motor that the motion is about: the one of the first site."""
+    held = places(rig.naive, rig.channels, choice[0][1]) if choice else set()
+    return next((i for i, joint in enumerate(rig.driven) if joint in held), 0)
 
 
 def _signs(name: str) -> tuple[float, ...]:
@@ -212,26 +166,5 @@ def _rival(rng, stage, choice, shape, own: Trace) -> tuple[Planted, float, float
         both = (trace(everything, *at, t.size, t.values) for at, t in zip(choice, (own, other), strict=True))
         shown = seen(everything, *both).left(0, 1)
         if _indistinct(*shown) and best_split(stage, choice, [own, other], rng) >= SPLIT:
-            return _planted(stage, site, other, name), *shown
+            return planted(stage, site, other, name), *shown
     raise Unfit("the recordings tell the twins apart, or no experiment would")
-
-
-def record(truth: Truth, motion: Motion) -> Recording:
-    """The recording that this truth and these motions give."""
-    rig = rig_of(truth.system)
-    played, _ = clean(truth, np.array(truth.start), motion.ctrl, truth.offset, stream=0)
-    measured = measure(truth, played.samples, stream=0)
-    nv, believed = rig.naive.nv, np.isfinite(rig.start_sd).all()
-    runs = tuple(
-        Run(
-            f"run_{i + 1:02d}",
-            motion.ctrl[i],
-            measured[i],
-            bool(motion.held_out[i]),
-            motion.start[i, :nv] if believed else None,
-            motion.start[i, nv:] if believed else None,
-        )
-        for i in range(len(measured))
-    )
-    unknown_noise = np.full(len(rig.channels), np.nan)
-    return Recording(rig.xml, "", rig.period, rig.channels, runs, rig.unknowns, unknown_noise, rig.start_sd, rig.window)

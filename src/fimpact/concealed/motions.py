@@ -6,11 +6,12 @@ import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from fimpact.concealed.rigs import Rig
+from fimpact.concealed import campaigns
+from fimpact.concealed.rig import Rig
 
-STIFF, DAMP, LIMIT = np.array([25.0, 12.0, 3.0]), np.array([3.0, 1.5, 0.2]), 6.0  # N m/rad, N m s/rad, N m
-CALM = 4.0  # samples over which commands are smoothed: torques that jump make forces and accelerations jump
+CALM = 0.02  # s over which commands are smoothed: torques that jump make forces and accelerations jump
 PACE = 2.5  # rad/s, of a joint that only ever advances
+SETTLED = 0.1  # s, in which a run begun at a pace of its own takes up its path
 REACH = 0.63  # m, where the tip touches the wall
 
 
@@ -23,10 +24,14 @@ class Motion:
     held_out: np.ndarray
 
 
-def draw_motion(rig: Rig, rng: np.random.Generator, style: str = "lively", joint: int = 0) -> Motion:
+def draw_motion(
+    rig: Rig, rng: np.random.Generator, style: str = "lively", joint: int = 0, model: mujoco.MjModel | None = None
+) -> Motion:
     """Motions of every run; half of the held-out ones are faster or elsewhere.
 
-    style: one of `STYLES`, about degree of freedom `joint`; "lively" is the usual one, the others make twins.
+    Args:
+        style: one of `STYLES`, about motor `joint`; "lively" is the usual one, the others make twins.
+        model: what the controller moves, at the naive model's step; None: the naive model.
     """
     held_out = np.arange(rig.training + rig.held_out) >= rig.training
     fast = np.arange(len(held_out)) >= rig.training + rig.held_out // 2
@@ -34,15 +39,27 @@ def draw_motion(rig: Rig, rng: np.random.Generator, style: str = "lively", joint
         start = np.stack([_throw(rng, f, style) for f in fast])
         return Motion(start, np.zeros((len(fast), rig.samples, 0)), held_out)
     time = np.arange(rig.samples) * rig.period
-    paths = [(_press if rig.name == "arm_contact" else _swing)(rng, time, f) for f in fast]
+    paths = [PATHS[rig.name](rng, time, f, run) for run, f in enumerate(fast)]
     paths = [STYLES[style](rng, time, path, joint) for path in paths]
-    pace = np.zeros(3) if style != "oneway" else PACE * np.eye(3)[joint]
-    start = np.stack([np.r_[path[0], pace] for path in paths])
-    ctrl = np.stack([_follow(rig, path, pace) for path in paths])
-    ctrl = gaussian_filter1d(ctrl, CALM, axis=1)
-    if style == "bang":
-        ctrl = _bang(rng, ctrl, joint)
-    return Motion(start, ctrl, held_out)
+    pace = np.zeros(rig.naive.nu) if style != "oneway" else PACE * np.eye(rig.naive.nu)[joint]
+    start = np.stack([_start(rig, path, pace) for path in paths])
+    ctrl = _commands(rig, paths, pace, rig.naive if model is None else model)
+    return Motion(start, _bang(rng, ctrl, joint) if style == "bang" else ctrl, held_out)
+
+
+def _start(rig: Rig, path: np.ndarray, pace: np.ndarray) -> np.ndarray:
+    """State (2 nv,) in which a run begins."""
+    if rig.name == "leg":
+        return np.r_[campaigns.standing(path[0]), 0.0, pace]
+    return np.r_[path[0], pace]
+
+
+def _commands(rig: Rig, paths: list[np.ndarray], pace: np.ndarray, model: mujoco.MjModel) -> np.ndarray:
+    """Targets, or the torques of a controller that has the model follow the paths, (runs, T, nu)."""
+    if rig.serves():
+        return np.stack(paths)
+    ctrl = np.stack([_follow(rig, path, pace, model) for path in paths])
+    return gaussian_filter1d(ctrl, CALM / rig.period, axis=1)
 
 
 def _waves(rng, time, amplitude, low, high, terms=3):
@@ -51,14 +68,14 @@ def _waves(rng, time, amplitude, low, high, terms=3):
     return amplitude * (share * np.sin(2 * np.pi * rate * time[:, None] + phase)).sum(1)
 
 
-def _swing(rng, time, fast):
+def _swing(rng, time, fast, run):
     """Free swinging of three joints about a posture, (T, 3), rad."""
     quick, centre = (1.5 if fast else 1.0), rng.uniform(-0.7, 0.7, 3)
     size = rng.uniform(0.7, 1.1, 3)
     return centre + np.stack([_waves(rng, time, a, 0.4 * quick, 1.8 * quick) for a in size], axis=1)
 
 
-def _press(rng, time, fast):
+def _press(rng, time, fast, run):
     """Reach for the wall, press, slide and leave it, (T, 3), rad, by inverse kinematics of tip and last link."""
     quick = 1.4 if fast else 1.0
     deep = rng.uniform(0.0, 0.05) + _waves(rng, time, rng.uniform(0.08, 0.14), 0.5 * quick, 1.8 * quick)
@@ -134,15 +151,24 @@ STYLES = {
 }
 
 
-def _follow(rig, path, pace):
-    """Commands (T, nu) that make the naive model follow `path` (T, 3), rad, from a speed of `pace` (3,)."""
-    model, out = rig.naive, np.empty_like(path)
-    data, steps = mujoco.MjData(model), round(rig.period / rig.naive.opt.timestep)
+PATHS = {
+    "arm_free": _swing,
+    "arm_contact": _press,
+    "six_axis": campaigns.six_axis,
+    "six_servo": campaigns.six_servo,
+    "leg": campaigns.leg,
+}
+
+
+def _follow(rig, path, pace, model):
+    """Torques (T, nu) that make `model` follow `path` (T, nu), rad, from a speed of `pace` (nu,)."""
+    data, steps, out = mujoco.MjData(model), round(rig.period / model.opt.timestep), np.empty_like(path)
     data.qpos[:], data.qvel[:] = path[0], pace
-    late = np.exp(-np.arange(len(path)) / 20)[:, None]
+    late = np.exp(-np.arange(len(path)) * rig.period / SETTLED)[:, None]
     speed = np.gradient(path, rig.period, axis=0) * (1 - late) + pace * late
     for k in range(len(path)):
-        out[k] = np.clip(STIFF * (path[k] - data.qpos) + DAMP * (speed[k] - data.qvel), -LIMIT, LIMIT)
+        wanted = rig.stiff * (path[k] - data.qpos) + rig.damp * (speed[k] - data.qvel)
+        out[k] = np.clip(wanted, -rig.limit, rig.limit)
         data.ctrl[:] = out[k]
         mujoco.mj_step(model, data, steps)
     return out

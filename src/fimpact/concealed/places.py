@@ -13,6 +13,7 @@ def places(model: mujoco.MjModel, channels: Sequence[str], site: str) -> set[str
     names = _channels(channels, site)
     if names:
         return names
+    site = site.partition("<-")[0]  # of a joint that a neighbour drags
     for find in (_joint, _actuator, _pair, _body):
         if found := find(model, site):
             return found

@@ -17,7 +17,8 @@ class Plant:
     put: (world, site, **values). sites: rig -> places. values: (size, **shape) -> values. begin: size at which the
     search begins. most: largest sensible size. shape: (rng, rig, motion, site) -> numbers that stay fixed while the
     size is sought. signed: the size may be negative. mode: "contact" if it acts in contact only, else "any". stiff: by
-    how much finer steps than the naive model's its size is sought: hard stops shiver at that.
+    how much finer steps than the naive model's its size is sought: hard stops shiver at that. power: `begin` and `most`
+    grow with this power of the rig's `size`: 1 for what is a torque, -1 for what gives way to one.
     """
 
     put: Callable[..., None]
@@ -29,3 +30,8 @@ class Plant:
     signed: bool = False
     mode: str = "any"
     stiff: int = 1
+    power: int = 0
+
+    def span(self, rig) -> tuple[float, float]:
+        """`begin` and `most` in this rig."""
+        return self.begin * rig.size**self.power, self.most * rig.size**self.power

@@ -36,7 +36,8 @@ def _draw(case: Case, settings: dict):
 
 
 def reveal(sealed: Path, commands: Arrays, chosen: Collection[str], report: Report) -> Arrays:
-    """What the sealed robots measure under `commands`, (case/way/ctrl, qpos, qvel) -> case/way/measured: of all twins
+    """What the sealed robots measure under `commands`, (case/way/ctrl, qpos, qvel) -> case/way/ctrl as logged and
+    case/way/measured: of all twins
     and of the `chosen` cases. Which are played tells what is a twin, when all is diagnosed already."""
     out = {}
     for place, run in runs_of(commands).items():
@@ -44,5 +45,6 @@ def reveal(sealed: Path, commands: Arrays, chosen: Collection[str], report: Repo
         asked = robot(sealed, case)
         if asked.truth.kind == "twin" or case in chosen:
             report(f"{case}: {way} experiment")
-            out[f"{place}/measured"] = asked.play(run)
+            played = asked.play(run)
+            out |= {f"{place}/ctrl": played.ctrl, f"{place}/measured": played.measured}
     return out

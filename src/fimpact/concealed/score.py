@@ -3,21 +3,20 @@
 One row per case. The first columns are the published ones; the rest say what the claim's other lines need.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 import mujoco
-import numpy as np
 import pandas as pd
 
 from fimpact.concealed.archive import load_recording
+from fimpact.concealed.grading import NOTHING, amplitude, grade, listed, names_of, planted_name, size_of
 from fimpact.concealed.oracle import oracle_error
 from fimpact.concealed.places import places
 from fimpact.concealed.rows import Report, each, held_out_error, read_rows
 from fimpact.concealed.seal import open_seal
-from fimpact.concealed.truth import Planted, Truth
-from fimpact.effects import EFFECTS
+from fimpact.concealed.truth import Truth
 from fimpact.recordings import Recording
 
 COLUMNS = (
@@ -29,7 +28,6 @@ PEERS = (
     "sysid_seconds blackbox_seconds"
 ).split()
 STAGES = ("conceal", "diagnosis", "resolved", "peers")
-NOTHING = "none"
 SILENT: dict[str, Any] = {"answer": NOTHING, "answer_set": [NOTHING], "seconds": {}}
 
 
@@ -43,21 +41,20 @@ def score_case(
         oracle: whether the oracle runs, as long as all of a diagnosis.
     """
     row = SILENT | told["diagnosis"]
-    planted = planted_name(truth.effects)
-    named = [part for part in row["answer"].split("+") if "@" in part]
+    planted, answer, named = planted_name(truth.effects), listed(row["answer"]), names_of(row["answer"])
     held = row.get("held_out", {}).get("runs", [])
     model = mujoco.MjModel.from_xml_string(recording.xml)
     return {
         "case": case,
         "kind": truth.kind,
         "system": truth.system,
-        "planted": truth.planted,
+        "planted": planted,
         "site": truth.site,
-        "size": "+".join(f"{size_of(effect):.6g}" for effect in truth.effects),
+        "size": ";".join(f"{size_of(effect):.6g}" for effect in truth.effects),
         "kappa": truth.kappa,
         "detected": row["answer"] != NOTHING,
-        "answer": row["answer"],
-        "answer_set": "|".join(row["answer_set"]),
+        "answer": answer,
+        "answer_set": "|".join(map(listed, row["answer_set"])),
         "located": _located(model, recording, truth, row, named),
         "heldout_before": held_out_error(held, "naive"),
         "heldout_after": held_out_error(held, "improved"),
@@ -73,9 +70,12 @@ def score_case(
         "confidence": row.get("confidence"),
         "p": row.get("p"),
         "left": row.get("remainder", {}).get("share"),
-        "right": row["answer"] == planted,
-        "partly": any(name in named for name in planted.split("+")),
-        "in_set": planted in (row["answer"], *row["answer_set"]),
+        "right": answer == planted,
+        "partly": any(name in named for name in names_of(planted)),
+        "in_set": planted in (answer, *map(listed, row["answer_set"])),
+        **grade(truth, named, _sizes(row)),
+        "odd": planted_name(truth.effects[-1:]) if truth.kind == "crowd" else None,
+        "worth": truth.effects[-1].worth if truth.kind == "crowd" else None,
         **_where(model, recording, truth, row),
         **_held(truth, row),
         "exported": row.get("exported"),
@@ -86,24 +86,16 @@ def score_case(
     }
 
 
-def planted_name(effects: Sequence[Planted]) -> str:
-    """``effect@site`` of all effects joined by + in alphabetical order, none where there are none."""
-    return "+".join(sorted(f"{e.name}@{e.site}" for e in effects)) or NOTHING
-
-
-def size_of(effect: Planted) -> float:
-    """The planted amplitude, of several of one unit (sine and cosine, two directions) their norm; of a stranger, its
-    first value."""
-    values = effect.values
-    known = [c for c in EFFECTS[effect.name].coefficients if not c.shape] if effect.name in EFFECTS else []
-    alike = [values[c.name] for c in known if c.unit == known[0].unit and c.name in values]
-    return float(np.linalg.norm(alike)) if len(alike) > 1 else float(next(iter(values.values())))
+def _sizes(row) -> dict[str, float]:
+    """The stated amplitude of every effect that is named."""
+    values = {e["name"]: {c["name"]: c["value"] for c in e["coefficients"]} for e in row.get("effects", [])}
+    return {name: amplitude(name.partition("@")[0], own) for name, own in values.items() if own}
 
 
 def _located(model, recording: Recording, truth: Truth, row, named: list[str]) -> bool | None:
     """Whether the answer points at the right place: by the sites it names, or the residual where it names none."""
     wanted = [places(model, recording.channels, e.site) for e in truth.effects]
-    if not wanted or not all(wanted):
+    if truth.kind == "crowd" or not wanted or not all(wanted):
         return None
     if named:
         got = set().union(*(places(model, recording.channels, name.split("@")[1]) for name in named))
@@ -139,12 +131,14 @@ def _where(model, recording: Recording, truth: Truth, row) -> dict[str, Any]:
 
 def _held(truth: Truth, row) -> dict[str, int | None]:
     """Of the effect's intervals, how many there are and how many hold the planted value, where the name is right."""
-    if not truth.effects or row["answer"] != planted_name(truth.effects):
+    named = names_of(row["answer"])
+    judged = [e for e in truth.effects if f"{e.name}@{e.site}" in named]
+    if not judged or (truth.kind != "crowd" and listed(row["answer"]) != planted_name(truth.effects)):
         return {"intervals": None, "covered": None}
     stated = {(e["name"], c["name"]): (c["low"], c["high"]) for e in row["effects"] for c in e["coefficients"]}
     pairs = [
         (stated[f"{e.name}@{e.site}", name], value)
-        for e in truth.effects
+        for e in judged
         for name, value in e.values.items()
         if (f"{e.name}@{e.site}", name) in stated
     ]
@@ -156,13 +150,13 @@ def _resolved(truth: Truth, row, resolved) -> dict[str, Any]:
     that has none, alone."""
     out: dict[str, Any] = {"members": len(row["answer_set"]), "both_in_set": None}
     out |= {f"resolved_{way}": None for way in ("designed", "random")}
-    if truth.kind in ("null", "outside"):
+    if truth.kind in ("null", "outside", "crowd"):
         return out
     own, rival = planted_name(truth.effects), planted_name([truth.rival]) if truth.rival else None
     if rival:
-        out["both_in_set"] = {own, rival} <= set(row["answer_set"])
+        out["both_in_set"] = {own, rival} <= set(map(listed, row["answer_set"]))
     for way in {"designed", "random"} & set(resolved):
-        left = resolved[way]["answer_set"]
+        left = [listed(name) for name in resolved[way]["answer_set"]]
         apart = out["both_in_set"] and rival not in left if rival else len(left) == 1
         out[f"resolved_{way}"] = left[0] == own and apart
     return out

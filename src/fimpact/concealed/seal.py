@@ -63,12 +63,12 @@ class Robot:
 
     truth: Truth
 
-    def play(self, run: Run) -> np.ndarray:
-        """What is measured, (T, ny), under the commands of `run` from its believed start, with fresh noise."""
+    def play(self, run: Run) -> Run:
+        """What is logged and measured under the commands of `run` from its believed start, with fresh noise."""
         nothing = np.zeros(len(self.truth.start[0]))
         start = nothing if run.qpos is None else np.concatenate([run.qpos, run.qvel])
         (played,) = run_on_robot(self.truth, run.ctrl[None], start[None], (run.name,))
-        return played.measured
+        return played
 
 
 def robot(sealed: Path, case: str) -> Robot:

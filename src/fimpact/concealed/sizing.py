@@ -16,6 +16,7 @@ from fimpact.concealed.detect import (
     gather,
     loudness,
     models,
+    noise_of,
     predict,
     see,
     tangents,
@@ -23,7 +24,7 @@ from fimpact.concealed.detect import (
 )
 from fimpact.concealed.motions import Motion
 from fimpact.concealed.planting import Plant, Values
-from fimpact.concealed.rigs import Rig
+from fimpact.concealed.rig import Rig
 from fimpact.concealed.strangers import plant
 from fimpact.concealed.world import new_world, play
 
@@ -72,16 +73,16 @@ class Trace:
 def set_stage(rig: Rig, motion: Motion, errors, start, correlation: float, raised: float) -> Stage:
     """Tangents of the unplanted robot, and a disturbance that raises the residual's variance by `raised`."""
     tangent = _unplanted(rig, motion, errors, start)
-    response = coloured(rig, tangent.push, correlation)
-    sd = float(np.sqrt(raised / loudness(rig, tangent, response)))
-    return Stage(rig, motion, errors, start, tangent, sd * response, sd, correlation)
+    sd = float(np.sqrt(raised / loudness(rig, tangent, coloured(rig, tangent.push, correlation))))
+    noise = noise_of(rig, tangent.push, sd, correlation)
+    return Stage(rig, motion, errors, start, tangent, noise, sd, correlation)
 
 
 def whole(stage: Stage) -> Stage:
     """The same robot with all of its motions for training, those that are held out as well."""
     motion = replace(stage.motion, held_out=np.zeros_like(stage.motion.held_out))
     tangent = _unplanted(stage.rig, motion, stage.errors, stage.start)
-    noise = stage.disturbance * coloured(stage.rig, tangent.push, stage.correlation)
+    noise = noise_of(stage.rig, tangent.push, stage.disturbance, stage.correlation)
     return replace(stage, motion=motion, tangent=tangent, noise=noise)
 
 
@@ -150,7 +151,7 @@ def concealment(stage: Stage, found: Trace) -> tuple[float, float]:
 
 def fit_size(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign: float, target: float) -> Trace:
     """The effect at the size at which its non-centrality is `target`. Raises Unfit."""
-    tangent, size = stage.tangent, kind.begin
+    tangent, size = stage.tangent, kind.span(stage.rig)[0]
     for _ in range(RENEWALS):
         size = _search(stage, name, site, kind, shape, sign, target, tangent, size)
         found = trace(stage, name, site, sign * size, kind.values(sign * size, **shape))
@@ -162,7 +163,7 @@ def fit_size(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sig
 
 def glance(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign: float, target: float) -> Trace:
     """As `fit_size`, but with the tangents of the unplanted robot: quick, and good enough to see what is hopeless."""
-    size = _search(stage, name, site, kind, shape, sign, target, stage.tangent, kind.begin)
+    size = _search(stage, name, site, kind, shape, sign, target, stage.tangent, kind.span(stage.rig)[0])
     values = kind.values(sign * size, **shape)
     windows, plain, change = planted_windows(stage, name, site, values)
     return Trace(size, values, _imitated(stage, windows, plain, change, stage.tangent), stage.tangent)
@@ -170,19 +171,19 @@ def glance(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign:
 
 def _search(stage, name, site, kind, shape, sign, target, tangent, size):
     """Secant steps on log lambda against log size, with fixed tangents."""
-    slope, last = 2.0, None
+    slope, last, (begin, most) = 2.0, None, kind.span(stage.rig)
     for _ in range(SEARCHES):
         windows, plain, change = planted_windows(stage, name, site, kind.values(sign * size, **shape))
         change = _imitated(stage, windows, plain, change, tangent)
         miss = np.log(max(see(stage.rig, tangent, stage.white, change).size[0], 1e-9) / target)
         if abs(miss) < CLOSE:
             return size
-        if size < NOTHING * kind.begin and miss > 0:
+        if size < NOTHING * begin and miss > 0:
             raise Unfit(f"{name} at {site} shows more than lambda {target:.3g} at any size")
-        if size >= kind.most and miss < 0:
-            raise Unfit(f"{name} at {site} would have to be larger than {kind.most:g}")
+        if size >= most and miss < 0:
+            raise Unfit(f"{name} at {site} would have to be larger than {most:g}")
         if last and last[0] != np.log(size):
             slope = np.clip((miss - last[1]) / (np.log(size) - last[0]), 0.7, 4.0)
         last = np.log(size), miss
-        size = min(size * np.exp(np.clip(-miss / slope, -4.0, 4.0)), kind.most)
+        size = min(size * np.exp(np.clip(-miss / slope, -4.0, 4.0)), most)
     return size

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.concealed.detect import Tangents, coloured, left_over, tangents, whitener
+from fimpact.concealed.detect import Tangents, left_over, noise_of, tangents, whitener
 from fimpact.concealed.motions import Motion
 from fimpact.concealed.sizing import Stage, Trace, planted_windows
 
@@ -31,7 +31,7 @@ def best_split(stage: Stage, places: list[tuple[str, str]], traces: list[Trace],
     tried = replace(stage, motion=motion, start=motion.start)
     shown = [planted_windows(tried, *at, own.values) for at, own in zip(places, traces, strict=True)]
     windows, tangent = shown[0][0], tangents(stage.rig, stage.errors, shown[0][0], pushed=True)
-    noise = stage.disturbance * coloured(stage.rig, tangent.push, stage.correlation)
+    noise = noise_of(stage.rig, tangent.push, stage.disturbance, stage.correlation)
     recorded = stage.noise, np.concatenate([own.change for own in traces], 2)
     further = noise, np.concatenate([change for *_, change in shown], 2)
     found = []

@@ -6,7 +6,7 @@ from fimpact.concealed import at_bodies as bodies
 from fimpact.concealed import at_joints as joints
 from fimpact.concealed import at_signals as signals
 from fimpact.concealed.planting import Plant, Values
-from fimpact.concealed.plants import BLOCK, FREE, PLANTS, PRESS, J, M
+from fimpact.concealed.plants import AXES, BLOCK, FREE, JOINTS, LEG, PLANTS, PRESS, ROBOTS_M, SERVO, J, M
 from fimpact.concealed.world import World
 
 ARMS = (FREE, PRESS)
@@ -14,12 +14,13 @@ ARMS = (FREE, PRESS)
 
 def _place(rng, rig, motion, site) -> Values:
     """Somewhere in the middle of a joint's planned travel."""
-    return {"centre": rng.uniform(-0.3, 0.3) + float(np.mean(motion.start[:, int(site[-1]) - 1])), "width": 0.15}
+    begun = motion.start[:, rig.naive.joint(site).qposadr[0]]
+    return {"centre": rng.uniform(-0.3, 0.3) + float(np.mean(begun)), "width": 0.15}
 
 
 def _somewhere(rng, rig, motion, site) -> Values:
     x, y, z = (
-        (rng.uniform(-0.3, 0.3), 0.0, 0.0) if rig.throws() else (rng.uniform(0.1, 0.5), rng.uniform(0.2, 0.6), 0.0)
+        (rng.uniform(-0.3, 0.3), 0.0, 0.0) if rig.plane == "xz" else (rng.uniform(0.1, 0.5), rng.uniform(0.2, 0.6), 0.0)
     )
     return {"x": x, "y": y, "z": z, "reach": 0.15}
 
@@ -33,13 +34,23 @@ def _swing(rng, rig, motion, site) -> Values:
     return {"period": rng.uniform(0.4, 1.0), "phase": rng.uniform(0, 2 * np.pi)}
 
 
+def _heat(rng, rig, motion, site) -> Values:
+    """What warms the grease by much in one run, J."""
+    return {"heat": rng.uniform(0.2, 0.6) * rig.size}
+
+
 STRANGERS = {
     "rough_spot": Plant(
-        joints.rough_spot, dict.fromkeys(ARMS, J), lambda size, **shape: {"torque": size, **shape}, 0.05, 3.0, _place
+        joints.rough_spot, JOINTS, lambda size, **shape: {"torque": size, **shape}, 0.05, 3.0, _place, power=1
     ),
     "warming": Plant(joints.warming, dict.fromkeys(ARMS, J), lambda size: {"torque": size, "time": 0.5}, 0.05, 1.0),
     "cross_coupling": Plant(
-        signals.cross_coupling, dict.fromkeys(ARMS, M), lambda size: {"coefficient": size}, 0.02, 0.5, signed=True
+        signals.cross_coupling,
+        dict.fromkeys(ARMS, M) | {AXES: ROBOTS_M[AXES][3:]},
+        lambda size: {"coefficient": size},
+        0.02,
+        0.5,
+        signed=True,
     ),
     "varying_gain": Plant(
         signals.varying_gain, dict.fromkeys(ARMS, M), lambda size, **shape: {"depth": size, **shape}, 0.03, 0.6, _swing
@@ -87,6 +98,38 @@ STRANGERS = {
         5e-4,
         0.02,
         mode="contact",
+    ),
+    "self_heating": Plant(
+        joints.self_heating, JOINTS, lambda size, **shape: {"damping": size, **shape}, 0.05, 1.5, _heat, power=1
+    ),
+    "cable_hysteresis": Plant(
+        joints.cable_hysteresis, JOINTS, lambda size: {"coefficient": size, "stretch": 0.1}, 0.05, 1.0
+    ),
+    "tilted_axis": Plant(
+        bodies.tilted_axis,
+        {FREE: J[1:], AXES: JOINTS[AXES][1:5], SERVO: JOINTS[SERVO][1:5]},
+        lambda size: {"tilt": size},
+        0.01,
+        0.4,
+        signed=True,
+    ),
+    "wound_integral": Plant(
+        joints.wound_integral,
+        {name: ROBOTS_M[name] for name in (SERVO, LEG)},
+        lambda size, rate: {"limit": size, "rate": rate},
+        0.03,
+        1.5,
+        lambda rng, rig, motion, site: {"rate": rng.uniform(2, 6)},
+        power=1,
+    ),
+    "loose_tool": Plant(
+        bodies.loose_tool,
+        {FREE: ("link_3",), AXES: ("link_6",), SERVO: ("link_5",), LEG: ("thigh",)},
+        lambda size, gap: {"share": size, "gap": gap},
+        0.1,
+        0.8,
+        lambda rng, rig, motion, site: {"gap": rng.uniform(0.01, 0.04) * (0.5 if rig.name == SERVO else 1.0)},
+        stiff=4,
     ),
     "bent_scale": Plant(
         signals.bent_scale,

@@ -6,18 +6,22 @@ from zlib import crc32
 import numpy as np
 from scipy.signal import lfilter
 
+from fimpact.concealed.crowd import bare
 from fimpact.concealed.planting import Values
-from fimpact.concealed.rigs import CLOCK, Rig, rig_of
+from fimpact.concealed.rig import CLOCK, Rig
+from fimpact.concealed.rigs import rig_of
 from fimpact.concealed.strangers import plant
 from fimpact.concealed.world import Played, World, new_world, play
 from fimpact.recordings import Run
 
+RIPPLES = 600.0  # per turn of the joint: six for each turn of the motor behind a gear of 100
 SLIP = np.array([0.005, 0.02])  # how far an arm starts from where it should, rad and rad/s
 
 
 @dataclass(frozen=True)
 class Planted:
-    """One effect at a site. lam, kappa: its non-centrality and concealment; kappa_unknown: starts projected first."""
+    """One effect at a site. lam, kappa: its non-centrality and concealment; kappa_unknown: starts projected first.
+    worth: of the odd one in a crowd, its share of the force at its place."""
 
     name: str
     site: str
@@ -26,13 +30,15 @@ class Planted:
     kappa: float
     kappa_unknown: float
     mode: str
+    worth: float = 0.0
 
 
 @dataclass(frozen=True)
 class Truth:
     """What is sealed.
 
-    kind: single, null, double, outside or twin. system: the rig. effects: what was planted. lam, kappa,
+    kind: single, null, double, outside, twin or crowd, whose odd effect is the last. system: the rig. effects: what was
+    planted. lam, kappa,
     kappa_unknown: of all of it together. rival: the twin's other explanation, or None; cosine, left: of the two
     projected traces, and lambda of the planted one once the rival is known too. errors: (p,) of the unknowns, relative
     or in the unit of `Unknown`. start: (runs, 2 nv) true starts. offset: (runs,) of the clock, s. noise: (ny,) sd.
@@ -59,13 +65,19 @@ class Truth:
 
     @property
     def planted(self) -> str:
-        """Registry names joined by +, or none."""
-        return "+".join(e.name for e in self.effects) or "none"
+        """Registry names joined by ;, or none."""
+        return ";".join(e.name for e in self.effects) or "none"
 
     @property
     def site(self) -> str:
-        """Sites joined by +, or none."""
-        return "+".join(e.site for e in self.effects) or "none"
+        """Sites joined by ;, or none."""
+        return ";".join(e.site for e in self.effects) or "none"
+
+    @property
+    def robot(self) -> Rig:
+        """The rig as its naive model has it: in a crowd without friction and rotors."""
+        rig = rig_of(self.system)
+        return bare(rig) if self.kind == "crowd" else rig
 
     @property
     def mode(self) -> str:
@@ -92,7 +104,7 @@ def _tuples(value):
 
 def world_of(truth: Truth, coarse: Rig | None = None) -> World:
     """The planted world itself; with the coarse steps of a rig where one is given."""
-    world = new_world(coarse or rig_of(truth.system), np.array(truth.errors), fine=coarse is None)
+    world = new_world(coarse or truth.robot, np.array(truth.errors), fine=coarse is None)
     for effect in truth.effects:
         plant(world, effect.name, effect.site, effect.values)
     return world
@@ -108,7 +120,7 @@ def disturb(rig: Rig, sd: float, correlation: float, shape: tuple[int, int], ste
 
 def clean(truth: Truth, start: np.ndarray, ctrl: np.ndarray, offset, stream: int) -> tuple[Played, np.ndarray]:
     """The planted robot under commands (runs, T, nu), before noise, and the disturbance (runs, N, nv) it suffered."""
-    rig, world = rig_of(truth.system), world_of(truth)
+    rig, world = truth.robot, world_of(truth)
     rng = np.random.default_rng([*truth.seed, stream, 0])
     shape = (len(start), ctrl.shape[1] * rig.fine)
     push = disturb(rig, truth.disturbance, truth.correlation, shape, world.step, rng)
@@ -117,9 +129,20 @@ def clean(truth: Truth, start: np.ndarray, ctrl: np.ndarray, offset, stream: int
 
 def measure(truth: Truth, samples: np.ndarray, stream: int) -> np.ndarray:
     """Clean samples (runs, T, ny) as the instruments report them: with noise, and rounded."""
-    rig, rng = rig_of(truth.system), np.random.default_rng([*truth.seed, stream, 1])
+    rig, rng = truth.robot, np.random.default_rng([*truth.seed, stream, 1])
     noisy = samples + rig.noise * rng.standard_normal(samples.shape)
     return np.round(noisy / rig.quantum) * rig.quantum
+
+
+def logged(truth: Truth, ctrl: np.ndarray, states: np.ndarray, stream: int) -> np.ndarray:
+    """Commands (runs, T, nu) as the log has them: torques that motor currents tell have noise, and a ripple that goes
+    round with the motor."""
+    rig, rng = truth.robot, np.random.default_rng([*truth.seed, stream, 3])
+    if not len(rig.current):
+        return ctrl
+    turned = states[:, :, [rig.naive.joint(name).qposadr[0] for name in rig.driven]]
+    ripple = np.sin(RIPPLES * turned + rng.uniform(0, 2 * np.pi, len(rig.current)))
+    return ctrl + rig.current * (ripple + rng.standard_normal(ctrl.shape))
 
 
 def run_on_robot(
@@ -134,12 +157,12 @@ def run_on_robot(
     Returns:
         A run for each; equal commands from equal starts give equal measurements.
     """
-    rig, ctrl, start = rig_of(truth.system), np.asarray(ctrl, float), np.asarray(start, float)
+    rig, ctrl, start = truth.robot, np.asarray(ctrl, float), np.asarray(start, float)
     stream = 1 + crc32(ctrl.tobytes() + start.tobytes())
     rng, nv = np.random.default_rng([*truth.seed, stream, 2]), rig.naive.nv
     slipped = start + slips(rig) * rng.standard_normal(start.shape)
     played, _ = clean(truth, slipped, ctrl, rng.uniform(0, CLOCK, len(ctrl)), stream)
-    measured = measure(truth, played.samples, stream)
+    measured, ctrl = measure(truth, played.samples, stream), logged(truth, ctrl, played.states, stream)
     return [
         Run(name, u, y, held_out, believed[:nv], believed[nv:])
         for name, u, y, believed in zip(names, ctrl, measured, start, strict=True)

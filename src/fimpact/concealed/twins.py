@@ -17,11 +17,11 @@ class Twins:
 
 
 TWINS = (
-    Twins(("torque_offset", "coulomb"), "oneway", ("arm_free",)),
+    Twins(("torque_offset", "coulomb"), "oneway", ("arm_free", "six_axis")),
     Twins(("gain", "saturation"), "bang", ("arm_free", "arm_contact")),
-    Twins(("command_delay", "actuator_lag"), "slow", ("arm_contact",)),
+    Twins(("command_delay", "actuator_lag"), "slow", ("arm_contact", "six_servo", "leg")),
     Twins(("coulomb", "stribeck"), "oneway", ("arm_free",)),
-    Twins(("spring", "torque_offset"), "still", ("arm_free", "arm_contact")),
+    Twins(("spring", "torque_offset"), "still", ("arm_free", "arm_contact", "six_axis", "six_servo")),
     Twins(("coulomb", "dahl"), "oneway", ("arm_free",)),
     Twins(("linear_drag", "quadratic_drag"), "steady", ("block",)),
 )

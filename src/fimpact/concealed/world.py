@@ -9,12 +9,16 @@ import numpy as np
 from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
-from fimpact.concealed.rigs import Rig
+from fimpact.concealed.rig import Rig
 from fimpact.quiet import hush
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 HELD = 2.5e-4  # s
+SETTLINGS = 4  # of joints that give little
 LOCKED = 1e6  # kg m^2, of a shaft that does not turn
+FIRM = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp: gives a ten-thousandth of what soft constraints would
+PROMPT = 2.0  # steps, time constant of dry friction: the least that MuJoCo takes; it stops a joint within one step
+AXES = ("com_x", "com_y", "com_z")
 DRIVEN = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
 hush()
 
@@ -27,7 +31,7 @@ class World:
     commands: each maps commands per step (runs, N, nu) and the step in s to those that reach the motors.
     senses: each maps samples (runs, T, ny) to what the instruments report. delays: of each channel, s.
     drift: how much faster the recorder's clock is read than true time, s/s. shafts: joints that were added between
-    motors and links.
+    motors and links. settled: springy joints that were added and begin where they hold what they carry.
     """
 
     rig: Rig
@@ -39,6 +43,7 @@ class World:
     delays: np.ndarray | None = None
     drift: float = 0.0
     shafts: list[str] = field(default_factory=list)
+    settled: list[str] = field(default_factory=list)
 
     @property
     def hold(self) -> int:
@@ -70,21 +75,32 @@ def new_world(rig: Rig, errors: np.ndarray, fine: bool) -> World:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     for unknown, error in zip(rig.unknowns, errors, strict=True):
         _misjudge(spec, unknown.field, unknown.site, error)
+    for joint in spec.joints:
+        if joint.frictionloss:
+            sharpen(joint, spec.option.timestep)
     return World(rig, spec, steps, delays=np.zeros(len(rig.channels)))
 
 
+def sharpen(joint, step: float) -> None:
+    """Have dry friction turn over with the speed and hold at rest: at MuJoCo's default it turns over some 10 ms before
+    the speed does, as no friction would."""
+    joint.solref_friction, joint.solimp_friction = (PROMPT * step, 1.0), FIRM
+
+
 def _misjudge(spec: mujoco.MjSpec, quantity: str, site: str, error: float) -> None:
-    if quantity == "damping":
+    if quantity in ("damping", "armature", "frictionloss"):
         joint = spec.joint(site)
-        joint.damping = joint.damping * np.array([1 + error, 1, 1])
+        joint.damping = joint.damping * (1 + error * np.array([quantity == "damping", 0, 0]))
+        joint.armature *= 1 + error * (quantity == "armature")
+        joint.frictionloss *= 1 + error * (quantity == "frictionloss")
         return
     body = spec.body(site)
     if quantity in ("mass", "inertia"):
         body.inertia = body.inertia * (1 + error)
     if quantity == "mass":
         body.mass *= 1 + error
-    if quantity in ("com_x", "com_z"):
-        body.ipos = body.ipos + error * np.eye(3)[0 if quantity == "com_x" else 2]
+    if quantity in AXES:
+        body.ipos = body.ipos + error * np.eye(3)[AXES.index(quantity)]
 
 
 def play(world: World, start: np.ndarray, ctrl: np.ndarray, push: np.ndarray | None = None, offset=0.0) -> Played:
@@ -102,6 +118,7 @@ def play(world: World, start: np.ndarray, ctrl: np.ndarray, push: np.ndarray | N
     if push is not None:
         force[:, :, dofs] = _pad(push, count)
     first = _initial(model, dofs, start)
+    _settle(model, world.settled, first)
     states, sensed = (_walk if world.hooks else _fly)(world, model, first, drive, force)
     keep = np.concatenate([1 + np.array(dofs), 1 + model.nq + np.array(dofs)])
     per_sample = world.steps // world.hold
@@ -135,6 +152,18 @@ def _initial(model: mujoco.MjModel, dofs: list[int], start: np.ndarray) -> np.nd
     first[:, 1 + np.array(dofs)] = start[:, :nv]
     first[:, 1 + model.nq + np.array(dofs)] = start[:, nv:]
     return first
+
+
+def _settle(model: mujoco.MjModel, joints: list[str], first: np.ndarray) -> None:
+    """Put springy `joints` where they hold the weight of each of the states `first`, which is changed."""
+    dofs = [model.joint(name).dofadr[0] for name in joints]
+    data = mujoco.MjData(model)
+    for row in first if joints else ():
+        for _ in range(SETTLINGS):
+            mujoco.mj_setState(model, data, row, FULL)
+            data.qvel[:] = 0
+            mujoco.mj_forward(model, data)
+            row[1 + np.array(dofs)] = -data.qfrc_bias[dofs] / model.jnt_stiffness[model.dof_jntid[dofs]]
 
 
 def _fly(world, model, first, drive, force):

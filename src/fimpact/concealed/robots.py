@@ -1,0 +1,103 @@
+"""Three rigs like the robots that people have: six axes with torque motors, six servos, a leg on a rail.
+
+What their naive models have wrong without lacking it: masses by 10 %, centres of mass by 5 mm, inertias and the known
+viscous friction by 20 %, all declared as unknown.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fimpact.concealed.rig import Rig
+from fimpact.recordings import Unknown
+
+COUNT = 2 * np.pi / 4096  # rad, of a servo's encoder
+MISJUDGED = {"mass": 0.1, "com_x": 0.005, "com_y": 0.005, "com_z": 0.005, "inertia": 0.2, "damping": 0.2}
+
+
+def _unknowns(places: dict[str, str]) -> tuple[Unknown, ...]:
+    """Unknowns by the names of their places, those of one place in one string."""
+    return tuple(Unknown(field, site, MISJUDGED[field]) for site, fields in places.items() for field in fields.split())
+
+
+ENCODERS = tuple(f"encoder_{i}" for i in range(1, 7))
+LINKS = {
+    "link_1": "inertia",
+    "link_2": "mass com_x com_z inertia",
+    "link_3": "mass com_x com_z inertia",
+    "link_4": "mass com_y",
+    "link_5": "mass com_z",
+    "link_6": "mass com_z",
+}
+SIX_AXIS = Rig(
+    name="six_axis",
+    period=0.004,
+    fine=40,
+    coarse=4,
+    channels=ENCODERS,
+    noise=np.full(6, 4e-5),
+    quantum=np.full(6, 2 * np.pi / 2**17),
+    unknowns=_unknowns(LINKS | {f"joint_{i}": "damping" for i in range(1, 7)}),
+    start_sd=np.full(12, np.inf),
+    window=0.2,
+    duration=1.0,
+    training=3,
+    held_out=2,
+    disturbance=np.array([1.0, 1.0, 0.6, 0.15, 0.15, 0.1]),
+    plane="",
+    size=20.0,
+    current=np.array([0.6, 0.6, 0.4, 0.1, 0.1, 0.07]),
+    stiff=np.array([900.0, 900.0, 600.0, 80.0, 80.0, 40.0]),
+    damp=np.array([120.0, 120.0, 80.0, 6.0, 6.0, 3.0]),
+    limit=np.array([150.0, 150.0, 150.0, 28.0, 28.0, 28.0]),
+)
+SIX_SERVO = replace(
+    SIX_AXIS,
+    name="six_servo",
+    period=0.02,
+    fine=100,
+    coarse=5,
+    noise=np.full(6, COUNT / 4),
+    quantum=np.full(6, COUNT),
+    unknowns=_unknowns(
+        {
+            "link_2": "mass com_z",
+            "link_3": "mass com_x inertia",
+            "link_4": "mass com_x",
+            "link_5": "mass com_x inertia",
+        }
+        | {f"joint_{i}": "damping" for i in range(1, 7)}
+    ),
+    window=0.4,
+    duration=2.4,
+    disturbance=np.array([1.0, 1.0, 0.8, 0.5, 0.3, 0.2]),
+    size=1.0,
+    current=np.zeros(0),
+    stiff=np.zeros(0),
+)
+LEG = Rig(
+    name="leg",
+    period=0.005,
+    fine=50,
+    coarse=5,
+    channels=("rail_encoder", "hip_encoder", "knee_encoder", "imu[2]"),
+    noise=np.array([4e-4, 3e-4, 3e-4, 0.3]),
+    quantum=np.array([1e-4, 2 * np.pi / 2**14, 2 * np.pi / 2**14, 0.02]),
+    unknowns=_unknowns(
+        {
+            "trunk": "mass",
+            "thigh": "mass com_x com_z inertia",
+            "shank": "mass com_z inertia",
+            "hip": "damping",
+            "knee": "damping",
+        }
+    ),
+    start_sd=np.full(6, np.inf),
+    window=0.15,
+    duration=0.75,
+    training=3,
+    held_out=2,
+    disturbance=np.array([1.0, 0.1, 0.1]),
+    plane="xz",
+    size=2.0,
+)

@@ -1,0 +1,13 @@
+"""One table of what other tools answered, from the parts that were graded."""
+
+from typing import TYPE_CHECKING
+
+from fimpact import tables
+from fimpact.concealed.grading import gather_entered
+from fimpact.progress import logged
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with logged(snakemake.log[0]):
+    tables.write(gather_entered(snakemake.input.parts), snakemake.output[0])

@@ -1,0 +1,16 @@
+"""Tools that others would enter, on their share of the cases."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fimpact import drafts
+from fimpact.concealed.entered import enter_part
+from fimpact.concealed.rows import as_lines
+from fimpact.progress import logged
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with logged(snakemake.log[0]) as progress:
+    rows = enter_part(Path(snakemake.input.recordings), snakemake.params.compared, progress)
+    drafts.write_text(as_lines(rows), snakemake.output[0])
