@@ -1,9 +1,6 @@
 """A crowd: what a naive robot lacks at every joint at once, as real gears have it, and the rigs without and with it.
 
-Sizes are drawn about what has been published: Coulomb friction of 5 to 10 % of a joint's rated torque, viscous friction
-of as much again at rated speed, a rotor whose inertia behind its gear is that of the links it moves (Siciliano, Khatib,
-Springer Handbook of Robotics, 2016, ch. 6; Swevers et al., IEEE Trans. Robotics and Automation 13(5), 1997; data sheets
-of bus servos and of the motors of walking robots).
+Sizes are drawn about round figures of our own: what gears of such robots are known for, from no one publication.
 """
 
 from dataclasses import dataclass, replace
