@@ -51,9 +51,9 @@ def _row(row: np.ndarray, forces: pd.DataFrame, plan: pd.Series) -> None:
 
 def _panel(ax: Axes, part: pd.DataFrame) -> None:
     _, colour, _, _ = METHODS["contact_implicit"]
-    step = {"where": "mid", "linewidth": 1.4}
-    ax.step(part.time, part.planned, color=colour, label="λ, planned: rigid", **step)
-    ax.step(part.time, part.simulated, color="black", linestyle="--", label="MuJoCo, played: soft", **step)
+    planned, played = "λ, planned: rigid", "MuJoCo, played: soft"
+    ax.step(part.time, part.planned, where="mid", color=colour, linewidth=1.4, label=planned)
+    ax.step(part.time, part.simulated, where="mid", color="black", linewidth=1.4, linestyle="--", label=played)
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_xlabel("time / s")
 

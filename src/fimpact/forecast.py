@@ -45,7 +45,8 @@ class Forecaster:
     def __init__(self, system: System):
         hush()
         self.system, self.template = system, system.compile_with_gaps(system.nominal)
-        self._data, self._engine, self._models = mujoco.MjData(self.template), Rollout(nthread=0), []
+        self._data, self._engine = mujoco.MjData(self.template), Rollout(nthread=0)
+        self._models: list[mujoco.MjModel] = []
         self._prepare = _prepared(system)
 
     def forecast(self, rho: np.ndarray, design: np.ndarray, blind: bool = False) -> Forecast:
