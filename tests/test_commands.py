@@ -30,6 +30,15 @@ def test_a_step_ends_where_a_late_command_jumps():
     assert [model.opt.timestep * given.shape[1] for model, given in legs] == pytest.approx([0.007, 0.013])
 
 
+def test_commands_of_a_step_are_worked_out_once():
+    values = np.arange(8.0).reshape(1, 8, 1)
+    given = Commands(values, ((0.35, 3),))
+    first, again = (list(given.legs(MODEL, 0.02, 4)) for _ in range(2))
+    assert all(one[1] is other[1] for one, other in zip(first, again, strict=True))
+    coarser = [commands.shape for _, commands in given.legs(MODEL, 0.02, 2)]
+    assert coarser != [commands.shape for _, commands in first]  # of another coarsest step, others
+
+
 @pytest.mark.parametrize("delays", [(0.0600001, 0.0600002, 0.06), (0.0799999, 0.0799998), (0.061, 0.061, 0.0615)])
 def test_jumps_that_are_near_one_another_keep_their_order(delays):
     laws, jumps = sharp(delayed(*delays), 0.02, 160)

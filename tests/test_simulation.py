@@ -13,14 +13,15 @@ from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Run, Unknown
 from fimpact.simulation import horizon
 from fimpact.simulation.horizon import (
+    HorizonErrors,
     Starts,
-    errors,
-    fit_starts,
+    errors_of,
     fit_windows,
-    ladder,
     refit,
+    states_of,
     step_error,
     window_starts,
+    windows_of,
 )
 from fimpact.simulation.nonsmooth import make_friction_exact
 from fimpact.simulation.random_features import learn_force
@@ -339,10 +340,13 @@ def test_starts_are_found_on_the_measurements_of_each_window():
         [[starts[r].qpos[k, 0], starts[r].qvel[k, 0]] for r, k in zip(windows.runs, windows.first, strict=True)]
     )
     off = true + 0.05 * rng.standard_normal(true.shape)
-    none, sd = np.zeros((len(off), 0)), np.full(off.shape, 0.05)
-    found = fit_starts(simulator, hypothesis, windows, off[:, :1], off[:, 1:], none, sd, np.array([1e-3]))
+    near = Starts(off[:, :1], off[:, 1:], np.zeros((len(off), 0)), np.full(off.shape, 0.05))
+    known = replace(near, sd=near.sd * 1e-6)
+    found, sure = (
+        states_of(fit_windows(simulator, hypothesis, windows, own, np.array([1e-3])), simulator)
+        for own in (near, known)
+    )
     assert np.abs(found[0] - true[:, :1]).max() < 1e-3 and np.abs(found[1] - true[:, 1:]).max() < 1e-2
-    sure = fit_starts(simulator, hypothesis, windows, off[:, :1], off[:, 1:], none, sd * 1e-6, np.array([1e-3]))
     np.testing.assert_allclose(sure[0], off[:, :1], atol=1e-5)  # what is known is kept
 
 
@@ -390,13 +394,19 @@ def test_a_finer_step_needs_no_new_slopes(monkeypatch):
     np.testing.assert_allclose(found.predicted, anew.predicted, atol=2e-3)
 
 
+def errors(simulator: Simulator, hypothesis: Hypothesis, given: Recording, starts, horizons) -> HorizonErrors:
+    noise, cuts = np.array([1e-3]), windows_of(given, given.runs, horizons)
+    fits = [fit_windows(simulator, hypothesis, own, window_starts(own, starts), noise) for own in cuts]
+    return errors_of(fits, given.period)
+
+
 def test_errors_by_horizon_are_noise_for_the_true_model_and_grow_for_a_wrong_one():
     given, starts = record(0.02)
     simulator = Simulator(given)
-    noise = np.array([1e-3])
     right = Hypothesis(simulator.theta, (Placed(EFFECTS["viscous"], "pivot", {"damping": 0.02}),))
-    best, naive = (errors(simulator, h, given, given.runs, starts, noise) for h in (right, Hypothesis(simulator.theta)))
-    np.testing.assert_allclose(best.horizons, [0.1, 0.2, 0.5, 1.0, 2.0])
+    horizons = [0.1, 0.2, 0.5, 1.0, 2.0]
+    best, naive = (errors(simulator, h, given, starts, horizons) for h in (right, Hypothesis(simulator.theta)))
+    np.testing.assert_allclose(best.horizons, horizons)
     assert best.error.shape == (5, 2, 1) and np.all(np.abs(best.normalised - 1) < 0.25)
     assert np.all(naive.normalised[-1] > 5) and np.all(naive.normalised[-1] > 2 * naive.normalised[0])
     np.testing.assert_allclose(naive.error[..., 0], naive.normalised * 1e-3)
@@ -407,12 +417,8 @@ def test_a_simulation_that_diverges_has_an_infinite_error():
     simulator = Simulator(given)
     effect = replace(EFFECTS["quadratic_drag"], law=lambda state, site, **values: 1e9 * state.qvel**3)
     wild = Hypothesis(simulator.theta, (Placed(effect, "rod", {}),))
-    found = errors(simulator, wild, given, given.runs, starts, np.array([1e-3]), [2.0])
+    found = errors(simulator, wild, given, starts, [2.0])
     assert np.isinf(found.error).all() and np.isinf(found.normalised).all()
-
-
-def test_horizons_grow_to_the_whole_run():
-    assert ladder(3.0) == pytest.approx([0.1, 0.2, 0.5, 1.0, 2.0, 3.0]) and ladder(0.08) == [0.08]
 
 
 def test_a_missing_force_is_learned_and_simulated():
@@ -422,9 +428,8 @@ def test_a_missing_force_is_learned_and_simulated():
     qvel = np.concatenate([own.qvel for own in starts])
     inputs = np.concatenate([np.concatenate([own.qpos for own in starts]), qvel, ctrl], 1)
     learned = learn_force(inputs, -0.05 * qvel, np.repeat([0, 1], 200))
-    noise = np.array([1e-3])
     naive, found = (
-        errors(simulator, Hypothesis(simulator.theta, placed), given, given.runs, starts, noise, [2.0]).normalised
+        errors(simulator, Hypothesis(simulator.theta, placed), given, starts, [2.0]).normalised
         for placed in ((), (learned,))
     )
     assert np.all(found < 0.1 * naive)

@@ -12,6 +12,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
 from fimpact.selection.regression import Regression
+from fimpact.smoothing import smoother
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.levels import CHANGE, FLIGHT, STANCE
@@ -95,6 +96,30 @@ def test_forces_that_nobody_knows_make_nothing_lighter(monkeypatch):
     for place in ("response", "smoother"):
         monkeypatch.setattr(f"fimpact.smoothing.{place}.heavier", lambda after, before: np.ones(after.nv))
     assert number(smooth(made.track, made.begun, made.noise), "mass@rod") < 0.5 * mass
+
+
+def test_a_fit_that_goes_astray_ends_with_its_best(monkeypatch):
+    made, truly, rounds = prepare(swinging(0)), smoother.solve, iter(range(20))
+
+    def worse_and_worse(*args):
+        found = truly(*args)
+        return replace(found, cost=found.cost + 1e6 * next(rounds)) if len(args) == 7 else found
+
+    first = smooth(made.track, made.begun, made.noise, rounds=1)
+    monkeypatch.setattr(smoother, "solve", worse_and_worse)
+    found = smooth(made.track, made.begun, made.noise, patience=1)
+    assert not found.converged and found.rounds == 2
+    np.testing.assert_array_equal(found.states.qpos, first.states.qpos)
+    assert number(found, "mass@rod") == number(first, "mass@rod")
+
+
+def test_an_unknown_that_does_nothing_costs_nothing():
+    own = rod()
+    named = own.xml.replace("<geom type", '<geom name="bar" type')
+    made = prepare(replace(own, xml=named, unknowns=(Unknown("mass", "rod", 0.3), Unknown("friction", "bar", 0.3))))
+    fit = smooth(made.track, made.begun, made.noise)
+    alone = prepare(replace(own, xml=named, unknowns=(Unknown("mass", "rod", 0.3),)))
+    assert fit.loss() == pytest.approx(smooth(alone.track, alone.begun, alone.noise).loss(), abs=0.1)
 
 
 @pytest.mark.parametrize("xml", [ROD, ROD.replace("<actuator>" + MOTOR + "</actuator>", "")], ids=["driven", "free"])

@@ -57,8 +57,8 @@ CASE = (
 READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth servo_steps simulator starts windows".split()
 SMOOTHER = (
-    "commands filtering inverse kalman lateness laws levels linear parameters prepare response rubbing smoother states "
-    "step stretches track"
+    "commands filtering inverse kalman lateness laws levels linear parameters prepare refinement response rubbing smoother "
+    "states step stretches track"
 ).split()
 PROOF = ["quiet", "deciding", "recordings", "units", "visuals", "diagnosis/freed", "diagnosis/proof"]
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]

@@ -24,7 +24,7 @@ from fimpact.smoothing.smoother import smooth
 from fimpact.smoothing.track import Track
 from fimpact.units import channel_unit
 
-HORIZONS = 6  # at most, of the ladder
+HORIZONS = 6  # at most
 FINER = 4  # times as many steps in a proof as in a fit, at most
 CHANGED = 0.05  # of a model's error: steps that change less than that are fine enough
 FEW = 4  # windows in which that is tried

@@ -17,8 +17,6 @@ from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import DIVERGED, Hypothesis, Simulator
 from fimpact.simulation.windows import Windows, cut, spread
 
-SHORTEST = 0.1  # s
-LADDER = (1.0, 2.0, 5.0)  # of each decade: the horizons asked for
 MOST_WINDOWS = 20  # of each horizon, spread over all runs
 STEPS = 3  # of Gauss-Newton, at most
 SETTLED = 1e-3  # of the cost: less than that is no further step worth
@@ -52,12 +50,6 @@ class HorizonErrors:
     normalised: np.ndarray
 
 
-def ladder(duration: float) -> list[float]:
-    """Horizons, s, from `SHORTEST` in steps of about two up to `duration`, which is the last of them."""
-    steps = [SHORTEST * size * 10**decade for decade in range(6) for size in LADDER]
-    return [step for step in steps if step < 0.8 * duration] + [duration]
-
-
 @dataclass(frozen=True)
 class Fit:
     """Windows under a model from starts refined on them. given: prior of the starts, (w, ...). noise: (ny,). change: in
@@ -76,27 +68,6 @@ class Fit:
     def cost(self) -> np.ndarray:
         """What is minimised in each window, (w,): squares of what is left and of the change, in sd."""
         return _cost(self.left, self.change / self.given.sd)
-
-
-def errors(
-    simulator: Simulator,
-    hypothesis: Hypothesis,
-    recording: Recording,
-    runs: Sequence[Run],
-    starts: Sequence[Starts],
-    noise: np.ndarray,
-    horizons: Sequence[float] = (),
-) -> HorizonErrors:
-    """Predict windows of `runs` for each of the horizons, s, at most `MOST_WINDOWS` of each.
-
-    Args:
-        starts: of each run. noise: sd of each channel, (ny,). horizons: default: `ladder` to the longest run.
-    """
-    horizons = horizons or ladder(max(len(run.measured) for run in runs) * recording.period)
-    cuts = windows_of(recording, runs, horizons)
-    return errors_of(
-        [fit_windows(simulator, hypothesis, own, window_starts(own, starts), noise) for own in cuts], recording.period
-    )
 
 
 def windows_of(recording: Recording, runs: Sequence[Run], horizons: Sequence[float]) -> list[Windows]:
@@ -124,17 +95,6 @@ def predict_windows(
     """Predict `windows`, (w, T, ny), from starts that are refined on them; also those: qpos, qvel and act."""
     fit = fit_windows(simulator, hypothesis, windows, window_starts(windows, starts), noise)
     return fit.predicted, states_of(fit, simulator)
-
-
-def fit_starts(
-    simulator: Simulator, hypothesis: Hypothesis, windows: Windows, qpos, qvel, act, sd, noise
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Refine the states at the start of each window on its own measurements: (w, nq), (w, nv), (w, na).
-
-    Args:
-        qpos, qvel, act, sd: prior mean, (w, nq), (w, nv), (w, na), and standard deviation, (w, 2 nv + na).
-    """
-    return states_of(fit_windows(simulator, hypothesis, windows, Starts(qpos, qvel, act, sd), noise), simulator)
 
 
 def states_of(fit: Fit, simulator: Simulator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,8 +11,9 @@ from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.starts import measured_motion, noise_level
 from fimpact.smoothing.lateness import Way, lateness
 from fimpact.smoothing.laws import touching
+from fimpact.smoothing.refinement import refined
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track, refined
+from fimpact.smoothing.track import Track
 
 
 @dataclass(frozen=True)

@@ -157,15 +157,15 @@ def smooth(
         levels = in_modes(track, states, tau, levels)
         if converged:
             break
-        if k >= len(anneal):
+        if patience and k >= len(anneal):
             loss = found.fit + found.cost
             lost = lost + 1 if loss > best[0] + TIED else 0
             best = min(best, (loss, states, tau, doubt, levels, numbers), key=lambda own: own[0])
-        if lost == patience:
-            break
+            if lost == patience:
+                break
         if change > WORN:
             linear = None
-    if patience and not converged and np.isfinite(best[0]):
+    if not converged and np.isfinite(best[0]):
         _, states, tau, doubt, levels, numbers = best
         fixed, linear, sign = numbers or fixed, None, None
     if not (converged and track.long):
