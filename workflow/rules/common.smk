@@ -3,7 +3,7 @@ import re
 import sys
 from pathlib import Path
 
-from fimpact.concealed.plan import case_names, compared
+from fimpact.concealed.plan import case_names, compared, entered
 from fimpact.concealed.settings import check as check_benchmark
 from fimpact.config import PLANAR, SEEN, check, check_keys
 from fimpact.fetch import find_source, read_sources
@@ -233,6 +233,11 @@ def part_of_cases(wildcards):
 def compared_cases(share="compared"):
     """Params function: those of one part on which the slow comparators run."""
     return lambda wildcards: sorted(set(compared(BENCHMARK, share)) & set(part_of_cases(wildcards)))
+
+
+def entered_cases():
+    """Params function: those of one part that other tools enter."""
+    return lambda wildcards: sorted(set(entered(BENCHMARK)) & set(part_of_cases(wildcards)))
 
 
 def parts_of_cases(folder):

@@ -116,7 +116,7 @@ rule enter:
     priority: 4
     threads: 1
     params:
-        compared=compared_cases(),
+        entered=entered_cases(),
     message:
         "other tools on part {wildcards.scatteritem}"
     script:
@@ -170,7 +170,7 @@ rule score:
     priority: 5
     threads: 1
     params:
-        compared=compared_cases(),
+        entered=entered_cases(),
     message:
         "open the seals of part {wildcards.scatteritem} and score"
     script:

@@ -12,5 +12,5 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with logged(snakemake.log[0]) as progress:
-    rows = enter_part(Path(snakemake.input.recordings), snakemake.params.compared, progress)
+    rows = enter_part(Path(snakemake.input.recordings), snakemake.params.entered, progress)
     drafts.write_text(as_lines(rows), snakemake.output[0])

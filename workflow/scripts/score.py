@@ -15,5 +15,5 @@ files = snakemake.input
 
 with logged(snakemake.log[0]) as progress:
     told = {stage: Path(files[stage]) for stage in ("conceal", "diagnosis", "resolved", "peers")}
-    rows = score_part(Path(files.recordings), Path(files.sealed), told, snakemake.params.compared, progress)
+    rows = score_part(Path(files.recordings), Path(files.sealed), told, snakemake.params.entered, progress)
     drafts.write_text(as_lines(rows), snakemake.output[0])

@@ -57,3 +57,9 @@ def compared(settings: dict[str, Any], key: str = "compared") -> list[str]:
     count = ceil(settings[key] * len(every) - 1e-9)
     chosen = np.random.default_rng([settings["seed"], 1]).permutation(every)[:count].tolist()
     return sorted(set(chosen) & set(case_names(settings)))
+
+
+def entered(settings: dict[str, Any]) -> list[str]:
+    """Names of the cases that other tools enter and an oracle fits: those that are compared, and every crowd."""
+    crowds = {case.name for case in plan(settings) if case.kind == "crowd"}
+    return sorted(crowds.union(compared(settings)))

@@ -65,7 +65,7 @@ class Played:
 
 
 def new_world(rig: Rig, errors: np.ndarray, fine: bool) -> World:
-    """The rig with its unknowns off by `errors` (p,), relative or in the unit of `Unknown`.
+    """The rig with its unknowns off by `errors` (p,), relative where the naive value is not zero, else in its unit.
 
     Fine worlds step at a tenth of the naive step or less with RK4, coarse ones as the naive model does.
     """
@@ -100,7 +100,8 @@ def _misjudge(spec: mujoco.MjSpec, quantity: str, site: str, error: float) -> No
     if quantity == "mass":
         body.mass *= 1 + error
     if quantity in AXES:
-        body.ipos = body.ipos + error * np.eye(3)[AXES.index(quantity)]
+        axis = AXES.index(quantity)
+        body.ipos = body.ipos + error * (body.ipos[axis] or 1.0) * np.eye(3)[axis]
 
 
 def play(world: World, start: np.ndarray, ctrl: np.ndarray, push: np.ndarray | None = None, offset=0.0) -> Played:
