@@ -14,6 +14,7 @@ import matplotlib.pyplot as plt
 from markupsafe import Markup
 
 from fimpact.diagnosis.pipeline import Diagnosis
+from fimpact.diagnosis.track_record import track_record
 from fimpact.drafts import draft_folder, made
 from fimpact.effects.base import words
 from fimpact.effects.fields import SIMULATORS
@@ -153,6 +154,7 @@ def _page(diagnosis: Diagnosis, content: Mapping[str, Any], images: Mapping[str,
         simulators=SIMULATORS,
         unshown={kind: heading[:1].upper() + heading[1:] for kind, heading in HEADINGS.items()},
         again=again,
+        record=track_record(diagnosis),
         runs=(len(recording.training), len(recording.held_out)),
         tried=len(diagnosis.explanation.rounds[0].tried) if diagnosis.explanation.rounds else 0,
     )

@@ -104,7 +104,7 @@ STAGES = {
     + "scene stage replay gif examples".split(),
     "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, "experiments/figures", "effects/fields", "effects/own"]
     + "tables drafts looks scene stage gif motion film report_figures report_look report_numbers report_contents".split()
-    + "report diagnose_recording".split(),
+    + "report diagnose_recording diagnosis/track_record".split(),
     "compare_recording": [*READ, *PROOF, "simulation/random_features"]
     + "knobs peers tables drafts compare_recording".split(),
     "recordings_summary": ["__init__", "tables", "drafts", "rig_summary"],

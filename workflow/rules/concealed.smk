@@ -199,6 +199,7 @@ rule concealed_summary:
         table=report("<concealed>/measures.csv", caption="../report/measures.rst", category="Blind benchmark"),
         text="<concealed>/measures.md",
         strata="<concealed>/strata.csv",
+        record="<concealed>/track_record.csv",
     log:
         "<concealed>/logs/summary.log",
     message:
@@ -229,6 +230,7 @@ rule concealed_reference:
         "<concealed>/cases.csv",
         "<concealed>/measures.csv",
         "<concealed>/strata.csv",
+        "<concealed>/track_record.csv",
         "<concealed>/entered.csv",
         expand("<concealed>/{figure}.png", figure=PICTURES),
     log:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from fimpact import drafts, tables
 from fimpact.concealed import measures
-from fimpact.concealed.strata import strata
+from fimpact.concealed.strata import strata, track_record
 from fimpact.progress import logged
 
 if TYPE_CHECKING:
@@ -14,4 +14,5 @@ with logged(snakemake.log[0]):
     cases = measures.read_cases(snakemake.input.cases)
     tables.write(measures.to_table(cases), snakemake.output.table)
     tables.write(strata(cases), snakemake.output.strata)
+    tables.write(track_record(cases), snakemake.output.record)
     drafts.write_text(measures.to_markdown(cases), snakemake.output.text)

@@ -7,6 +7,7 @@ from scipy.stats import binomtest
 
 CERTAIN = 0.95  # stated confidence from which a single name is certain
 SIZES = (0.0, 30.0, 300.0, 3000.0, float("inf"))  # edges of non-centrality
+VISIBLE = 30.0  # non-centrality from which an oracle sees an effect
 DEPTHS = (-float("inf"), 0.5, 0.9, float("inf"))  # edges of concealment
 BY = {"system": "rig", "kind": "kind", "lambda": "lambda", "kappa": "concealment"}
 
@@ -58,3 +59,32 @@ def _row(key: dict[str, str], own: pd.DataFrame, names: list[str]) -> dict:
         return row | dict.fromkeys(("share", "low", "high"))
     interval = binomtest(right, len(sure)).proportion_ci(method="wilson")
     return row | {"share": right / len(sure), "low": interval.low, "high": interval.high}
+
+
+def track_record(cases: pd.DataFrame) -> pd.DataFrame:
+    """What the page of a diagnosis cites: a row per rig.
+
+    Args:
+        cases: a row per case, as `score` writes them.
+
+    Returns:
+        rig, cases; certain (answers with a single, certain name), right (of those); choices (other answers with names),
+        held (of those, by one of their members); visible (cases that an oracle sees), found (of those).
+    """
+    named = ~cases.answer.isin(("none", "unnamed"))
+    sure, good = named & _certain(cases), _good(cases)
+    choice, held = named & ~sure, cases.in_set.fillna(False).astype(bool) | good
+    clear = (cases.kind != "null") & (cases["lambda"].astype(float) >= VISIBLE)
+    told = pd.DataFrame(
+        {
+            "rig": cases.system,
+            "cases": 1,
+            "certain": sure,
+            "right": sure & good,
+            "choices": choice,
+            "held": choice & held,
+            "visible": clear,
+            "found": clear & cases.detected.fillna(False).astype(bool),
+        }
+    )
+    return told.groupby("rig", sort=True).sum().astype(int).reset_index()

@@ -1,0 +1,70 @@
+"""How often answers like this one were right, blind, on the simulated robot that is most like the one at hand."""
+
+import csv
+from functools import cache
+from importlib.resources import files
+
+import mujoco
+
+from fimpact.deciding import CONFIDENCE
+from fimpact.diagnosis.pipeline import NONE, UNNAMED, Diagnosis
+from fimpact.effects.sites import can_touch, has_servos
+
+TABLE = "track_record.csv"  # as `snakemake concealed` wrote it; docs/benchmark.md says of which seed and commit
+AXES = 5  # motors from which an arm is rather like that with six than like that with three
+RIGS = {
+    "arm_free": "a planar arm with three torque motors",
+    "arm_contact": "a planar arm that presses on a wall",
+    "block": "a thrown block",
+    "six_axis": "an arm with six torque motors",
+    "six_servo": "an arm with six servos",
+    "leg": "a leg that stands, hops and slides",
+}
+
+
+def track_record(diagnosis: Diagnosis) -> str:
+    """One or two sentences for the page; "" where the benchmark had no such answer."""
+    rig = rig_like(diagnosis.prepared.track.model, diagnosis.prepared.track.simulator.apart)
+    row = _rows().get(rig, {})
+    for count, good, text in _asked(diagnosis):
+        if int(row.get(count, 0)):
+            return (
+                f"In the blind benchmark, on {RIGS[rig]}, which of its robots is most like yours, "
+                f"{text.format(good=row[good], count=row[count])}"
+            )
+    return ""
+
+
+def rig_like(model: mujoco.MjModel, apart: bool) -> str:
+    """The robot of the benchmark that is most like `model`, by what drives it and whether it touches anything.
+
+    Args:
+        apart: nothing touches along any run.
+    """
+    if not model.nu:
+        return "block"
+    if can_touch(model) and not apart:
+        return "arm_contact" if model.actuator_trnid[0, 0] == 0 and not has_servos(model) else "leg"
+    if has_servos(model):
+        return "six_servo"
+    return "six_axis" if model.nu >= AXES else "arm_free"
+
+
+def _asked(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """Columns that count what is like this answer and what was right of it, and the sentence."""
+    if diagnosis.answer == NONE:
+        return [
+            ("visible", "found", "{good} of {count} effects were found that someone who knew them would have seen.")
+        ]
+    if diagnosis.answer == UNNAMED:
+        return []
+    total = sum(member.weight for member in diagnosis.members)
+    if len(diagnosis.members) == 1 and diagnosis.members[0].weight >= CONFIDENCE * total:
+        return [("certain", "right", "{good} of {count} answers with a single, certain name were right.")]
+    return [("choices", "held", "{good} of {count} answers that left a choice held the truth.")]
+
+
+@cache
+def _rows() -> dict[str, dict[str, str]]:
+    text = files("fimpact.diagnosis").joinpath(TABLE).read_text(encoding="utf-8")
+    return {row["rig"]: row for row in csv.DictReader(text.splitlines())}
