@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from fimpact.systems import SYSTEMS, make_system
+from fimpact.paper.systems import SYSTEMS, make_system
 
 ROOT = Path(__file__).parents[1]
 

@@ -11,9 +11,9 @@ import yaml
 from bad_input import CASE, MODEL, check_refusal, log, state, table, write
 
 from fimpact.cli import main
-from fimpact.drafts import draft_folder
-from fimpact.report import reserved
-from fimpact.telling import Teller
+from fimpact.commands.telling import Teller
+from fimpact.report.page import reserved
+from fimpact.support.drafts import draft_folder
 
 FIT = ("fit", "case.yaml", "coulomb@shoulder")
 EFFECTS = {

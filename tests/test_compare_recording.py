@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 from recorded import rod
 
-from fimpact import compare_recording as module
-from fimpact.compare_recording import DONE, at_most, compare_recording
+from fimpact.commands import compare_recording as module
+from fimpact.commands.compare_recording import DONE, at_most, compare_recording
+from fimpact.commands.rig_summary import COLUMNS, gather, in_cell, summarise, to_markdown
+from fimpact.comparators.free_parameters import freed_knobs, own_knobs
+from fimpact.comparators.toolboxes import training_windows
 from fimpact.concealed import peers as concealed_peers
 from fimpact.diagnosis.freed import freed
 from fimpact.effects import EFFECTS as CATALOGUE
-from fimpact.knobs import freed_knobs, own_knobs
-from fimpact.peers import training_windows
-from fimpact.rig_summary import COLUMNS, gather, in_cell, summarise, to_markdown
 from fimpact.smoothing.prepare import prepare
 
 

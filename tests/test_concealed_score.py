@@ -9,7 +9,6 @@ import pytest
 from concealed_cases import cases
 from conftest import ROOT, marked
 
-from fimpact import drafts, tables
 from fimpact.concealed import measures
 from fimpact.concealed.confusion import named
 from fimpact.concealed.figures import APART, FIGURES, _bins
@@ -21,6 +20,7 @@ from fimpact.concealed.rigs import RIGS
 from fimpact.concealed.rows import as_lines, each, held_out_error, read_rows, runs_of
 from fimpact.concealed.score import COLUMNS, gather, score_case
 from fimpact.concealed.truth import Planted, Truth
+from fimpact.support import drafts, tables
 
 REFERENCE = ROOT / "results" / "reference" / "concealed" / "cases.csv"
 SETTINGS = {

@@ -12,10 +12,10 @@ from concealed_cases import cases
 from planted import record
 from test_workflow import ROOT, copy, imported, planned, snakemake, stages
 
-from fimpact import tables
 from fimpact.concealed.archive import save_recording
 from fimpact.concealed.rigs import RIGS
 from fimpact.concealed.settings import check
+from fimpact.support import tables
 
 SCHEMA = ROOT / "workflow" / "schemas" / "concealed.schema.yaml"
 SMOKE = ["--configfile", "config/concealed-smoke.yaml"]

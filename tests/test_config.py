@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fimpact import config as checker
-from fimpact.config import check
+from fimpact.support import config as checker
+from fimpact.support.config import check
 
 ROOT = Path(__file__).parents[1]
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
@@ -120,10 +120,10 @@ def test_contact_is_tightened_and_never_relaxed(paper):
 
 def test_the_schema_knows_what_the_package_offers():
     # The schema repeats these names because reading them from the package would import jax at every `snakemake`.
-    from fimpact.contact_implicit.bodies import PLANAR
-    from fimpact.design import METHODS
-    from fimpact.information import CRITERIA
-    from fimpact.systems import SYSTEMS
+    from fimpact.paper.contact_implicit.bodies import PLANAR
+    from fimpact.paper.design import METHODS
+    from fimpact.paper.mjx.information import CRITERIA
+    from fimpact.paper.systems import SYSTEMS
 
     names = yaml.safe_load(SCHEMA.read_text())["$defs"]
     assert set(names["methods"]["items"]["enum"]) == set(METHODS)

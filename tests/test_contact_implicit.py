@@ -7,9 +7,9 @@ import pytest
 from conftest import CLEAR, TOUCHING
 from scipy.sparse.linalg import spsolve
 
-from fimpact import truth
-from fimpact.contact_implicit.bodies import PLANAR
-from fimpact.contact_implicit.plan import planner
+from fimpact.paper import truth
+from fimpact.paper.contact_implicit.bodies import PLANAR
+from fimpact.paper.contact_implicit.plan import planner
 
 EPS = [0.1, 1e-3, 1e-6]
 OFF = 0.9  # the robot of these tests is so much of nominal

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from conftest import TOUCHING
 
-from fimpact import truth
-from fimpact.config import SEEN
-from fimpact.design import METHODS, Task, _units, best_of_n, contact_blind, evaluate, fisher, transcribe
-from fimpact.estimate import beliefs, untried
-from fimpact.reach import contact_free
-from fimpact.search import Campaign
-from fimpact.systems import make_system
-from fimpact.trial import design_next
+from fimpact.paper import truth
+from fimpact.paper.design import METHODS, Task, _units, best_of_n, contact_blind, evaluate, fisher, transcribe
+from fimpact.paper.estimate import beliefs, untried
+from fimpact.paper.reach import contact_free
+from fimpact.paper.search import Campaign
+from fimpact.paper.systems import make_system
+from fimpact.paper.trial import design_next
+from fimpact.support.config import SEEN
 
 BUDGET = {
     "criterion": "A",
@@ -54,7 +54,7 @@ def test_contact_is_found_from_a_start_that_has_none(task):
 
 def test_only_a_start_that_does_not_touch_has_to_approach(task, monkeypatch):
     approached = []
-    monkeypatch.setattr("fimpact.design._approach", lambda task, start: approached.append(1) or start[0])
+    monkeypatch.setattr("fimpact.paper.design._approach", lambda task, start: approached.append(1) or start[0])
     clear = contact_free(task, task.beliefs, 16)
     fisher(task, start=np.vstack([clear[1:], TOUCHING["block"]]))
     assert not approached
@@ -92,7 +92,7 @@ def test_best_of_n_simulates_what_fisher_may(task, monkeypatch, believed):
         counts.append(len(candidates))
         return evaluate(task, candidates, blind)
 
-    monkeypatch.setattr("fimpact.design.evaluate", counted)
+    monkeypatch.setattr("fimpact.paper.design.evaluate", counted)
     fair = [replace(task, beliefs=believed, rng=np.random.default_rng(1)) for _ in range(2)]
     one = fisher(fair[0])
     assert sum(counts) <= one.candidates
@@ -158,9 +158,9 @@ def test_a_plan_that_does_not_touch_is_tried_again_from_another_start(task, monk
         plan = transcribe(replace(task, rng=np.random.default_rng(1)))
         return plan.iterations, plan.designs
 
-    monkeypatch.setattr("fimpact.design._touching", lambda task, values: True)
+    monkeypatch.setattr("fimpact.paper.design._touching", lambda task, values: True)
     once, first = planned()
-    monkeypatch.setattr("fimpact.design._touching", lambda task, values: False)
+    monkeypatch.setattr("fimpact.paper.design._touching", lambda task, values: False)
     twice, best = planned()
     assert twice > once and evaluate(task, best).max() >= evaluate(task, first).max()
 
@@ -170,7 +170,7 @@ def test_what_cannot_be_simulated_is_worth_less_than_nothing(task, monkeypatch):
         def linearise(self, rho, design, blind):
             return None, np.stack([np.full((2, 3), size) for size in (np.nan, 1e200, 1e12, 0.0)])
 
-    monkeypatch.setattr("fimpact.design.forecaster", lambda system: Wild())
+    monkeypatch.setattr("fimpact.paper.design.forecaster", lambda system: Wild())
     lost, endless, chaotic, silent = evaluate(task, np.zeros((4, 4)))
     nothing = -np.log(3 * 0.09)
     assert silent == pytest.approx(nothing) and lost == endless == pytest.approx(nothing - 1)

@@ -8,9 +8,9 @@ import pytest
 from conftest import CLEAR, TOUCHING
 from scipy.optimize import OptimizeResult
 
-from fimpact import truth
-from fimpact.estimate import FAR, _mode, beliefs, estimate
-from fimpact.search import Campaign, Mode, posterior_cost, prior_mode
+from fimpact.paper import truth
+from fimpact.paper.estimate import FAR, _mode, beliefs, estimate
+from fimpact.paper.search import Campaign, Mode, posterior_cost, prior_mode
 
 NEARLY = np.array([0.3, 0.5, -2.65, 2.0])  # touches if the block is somewhat larger than nominal
 
@@ -97,7 +97,7 @@ def test_a_fit_far_above_the_noise_is_not_believed(systems, landed):
 
 def test_a_draw_that_diverged_costs_infinity_without_a_warning(systems, landed, monkeypatch):
     _, known, _ = landed
-    monkeypatch.setattr("fimpact.search._errors", lambda campaign, rho: np.full((2 * len(rho), 320), 1e200))
+    monkeypatch.setattr("fimpact.paper.search._errors", lambda campaign, rho: np.full((2 * len(rho), 320), 1e200))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         cost = posterior_cost(known, np.ones((3, 3)), blur=0.02)

@@ -26,7 +26,6 @@ from fimpact.experiments.design import (
     repeats,
     utility,
 )
-from fimpact.experiments.figures import commands
 from fimpact.experiments.limits import Limits, limits
 from fimpact.experiments.resolve import Resolved, remaining, resolve, stated, weigh
 from fimpact.experiments.separation import (
@@ -38,6 +37,7 @@ from fimpact.experiments.separation import (
     separations,
     unknown_information,
 )
+from fimpact.report.experiment import commands
 from fimpact.simulation.simulator import Hypothesis, Simulator
 
 FRICTION, NOISE = 0.004, np.full(2, 2e-4)  # N m, rad

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from test_workflow import ROOT
 
-from fimpact.fetch import Source, fetch, find_source, read_sources
+from fimpact.support.fetch import Source, fetch, find_source, read_sources
 
 CONTENT = bytes(range(256)) * 300
 SHA = hashlib.sha256(CONTENT).hexdigest()

@@ -8,10 +8,12 @@ import synthetic
 from conftest import CLEAR, TOUCHING
 from PIL import Image
 
-from fimpact import curve, examples, figures, forces, truth
-from fimpact.looks import log_places, power
-from fimpact.replay import replay
-from fimpact.scene import Scene, contacts, outline, plane_of_motion, surfaces
+from fimpact.paper import truth
+from fimpact.paper.figures import curve, examples, forces
+from fimpact.paper.figures import panels as figures
+from fimpact.paper.figures.replay import replay
+from fimpact.plotting.scene import Scene, contacts, outline, plane_of_motion, surfaces
+from fimpact.plotting.style import log_places, power
 
 
 @pytest.fixture

@@ -11,11 +11,11 @@ from PIL import Image
 from recorded import ROD as XML
 
 from fimpact.diagnosis.proof import starts_of
-from fimpact.film import _bodies, draw_film, stretch
-from fimpact.gif import FEWEST, write_gif
-from fimpact.motion import configurations, scene_of, undrawable
-from fimpact.scene import Scene, outline
-from fimpact.stage import View
+from fimpact.plotting.gif import FEWEST, write_gif
+from fimpact.plotting.scene import Scene, outline
+from fimpact.plotting.stroboscopic import View
+from fimpact.report.film import _bodies, draw_film, stretch
+from fimpact.report.motion import configurations, scene_of, undrawable
 
 FREE = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="cube" pos="0 0 1"><freejoint/>
 <geom type="box" size="0.1 0.1 0.1"/></body></worldbody><sensor><framepos name="p" objtype="body" objname="cube"/>

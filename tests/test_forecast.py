@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from conftest import CLEAR, TOUCHING
 
-from fimpact import truth
-from fimpact.forecast import ENCODER_NOISE, forecaster
-from fimpact.programs import programs
-from fimpact.systems import make_system
+from fimpact.paper import truth
+from fimpact.paper.forecast import ENCODER_NOISE, forecaster
+from fimpact.paper.mjx.programs import programs
+from fimpact.paper.systems import make_system
 
 
 def robots(system, count: int = 3) -> np.ndarray:

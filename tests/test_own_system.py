@@ -19,10 +19,10 @@ SETTINGS = {
 
 CHECK = """
 import numpy as np
-from fimpact import truth
-from fimpact.forecast import forecaster
-from fimpact.programs import programs
-from fimpact.systems import make_system
+from fimpact.paper import truth
+from fimpact.paper.forecast import forecaster
+from fimpact.paper.mjx.programs import programs
+from fimpact.paper.systems import make_system
 cart = make_system("cart", {settings})
 push = np.full(4, 3.0)
 measured, steps = truth.simulate(cart, 1.2 * cart.nominal, push)
@@ -36,12 +36,12 @@ for predicted in (forecast, programs(cart).linearise(cart.template, np.array([1.
 
 def test_the_printed_cart_runs_in_both_engines(tmp_path):
     shutil.copytree(ROOT / "src" / "fimpact", tmp_path / "fimpact")
-    page, folder = (ROOT / "docs" / "add-system.md").read_text(), tmp_path / "fimpact" / "systems"
+    page, folder = (ROOT / "docs" / "add-system.md").read_text(), tmp_path / "fimpact" / "paper" / "systems"
     for language, name in (("xml", "cart.xml"), ("python", "cart.py")):
         (block,) = re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
         (folder / name).write_text(block)
     registry = folder / "__init__.py"
-    line = 'from fimpact.systems.cart import cart\n\nSYSTEMS = {"cart": cart, '
+    line = 'from fimpact.paper.systems.cart import cart\n\nSYSTEMS = {"cart": cart, '
     registry.write_text(registry.read_text().replace("SYSTEMS = {", line))
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     code = CHECK.replace("{settings}", repr(SETTINGS))

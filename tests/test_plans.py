@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from conftest import TOUCHING
 
-from fimpact import plans, truth
-from fimpact.contact_implicit.plan import planner
-from fimpact.design import Task
+from fimpact.paper import plans, truth
+from fimpact.paper.contact_implicit.plan import planner
+from fimpact.paper.design import Task
 
 BUDGET = {"transcription": {"intervals": 1000, "eps": [1e-2], "iterations": 1}}
 

@@ -3,8 +3,8 @@
 import mujoco
 import pytest
 
-from fimpact import quiet
 from fimpact.simulation import simulator  # noqa: F401  (it is what hushes)
+from fimpact.support import quiet
 
 XML = "<mujoco><worldbody><body><joint type='slide'/><geom size='0.1' mass='1'/></body></worldbody></mujoco>"
 

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from diagnosed import nothing, rubbing, undecided
 
-from fimpact import report, report_contents
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
 from fimpact.identifiability.wording import Told
-from fimpact.report import check_folder, write_report
-from fimpact.report_contents import describe_inputs, to_text
-from fimpact.report_numbers import estimate, pair, short
+from fimpact.report.contents import describe_inputs, to_text
+from fimpact.report.numbers import estimate, pair, short
+from fimpact.report.page import check_folder, write_report
+from fimpact.report.page import contents as report_contents
+from fimpact.report.page import page as report
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from test_diagnose_recording import CASE
 
 from fimpact.cases import inputs
 from fimpact.cli import main
-from fimpact.report_contents import describe_inputs
+from fimpact.report.contents import describe_inputs
 
 MEMBERS = [{"viscous@pivot": {"damping": 0.01}}, {"coulomb@pivot": {"friction": 0.015}}]
 NEW = {"file": "d.csv"}
@@ -33,7 +33,7 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def asked(folder, capsys, monkeypatch):
     """Exit code and what was said, after a diagnosis and a case that may be spoiled."""
-    monkeypatch.setattr("fimpact.telling.SECOND", 0.0)  # a quick machine takes its first steps within a second
+    monkeypatch.setattr("fimpact.commands.telling.SECOND", 0.0)  # a quick machine takes its first steps within a second
 
     def asked(runs=(NEW,), members=MEMBERS, **spoiled):
         (folder / "case.yaml").write_text(yaml.safe_dump(CASE))

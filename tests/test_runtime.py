@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from conftest import ROOT
 
-from fimpact import runtime
+from fimpact.paper.mjx import runtime
 
 
 def test_float64_and_no_forbidden_jax():

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from fimpact.comparators.random_features import learn_force
 from fimpact.deciding import ASTRAY
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
@@ -24,7 +25,6 @@ from fimpact.simulation.horizon import (
     windows_of,
 )
 from fimpact.simulation.nonsmooth import make_friction_exact
-from fimpact.simulation.random_features import learn_force
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.starts import measured_motion, noise_level
 from fimpact.simulation.windows import cut

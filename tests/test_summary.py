@@ -5,9 +5,18 @@ import pandas as pd
 import pytest
 import synthetic
 
-from fimpact import estimate
-from fimpact.measures import errors, final, information_ratio, reduction, touched
-from fimpact.summary import FAR, coverage, coverage_to_markdown, percent, reduction_curve, summarise, times, to_markdown
+from fimpact.paper import estimate
+from fimpact.paper.measures import errors, final, information_ratio, reduction, touched
+from fimpact.paper.summary import (
+    FAR,
+    coverage,
+    coverage_to_markdown,
+    percent,
+    reduction_curve,
+    summarise,
+    times,
+    to_markdown,
+)
 
 FISHER, UNIFORM = [0.01, 0.02, 0.03, 0.04], [0.1, 0.2, 0.3, 0.4]
 

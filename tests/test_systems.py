@@ -3,17 +3,17 @@
 import dataclasses
 import re
 
-from fimpact.engine import mjx
+from fimpact.paper.mjx.engine import mjx
 
 import mujoco
 import numpy as np
 import pytest
 from conftest import CLEAR, TOUCHING
 
-from fimpact import truth
-from fimpact.programs import programs
-from fimpact.rollout import _alike, with_parameters
-from fimpact.systems import SYSTEMS, make_system
+from fimpact.paper import truth
+from fimpact.paper.mjx.programs import programs
+from fimpact.paper.mjx.rollout import _alike, with_parameters
+from fimpact.paper.systems import SYSTEMS, make_system
 
 
 def predict(system, rho, design):

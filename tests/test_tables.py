@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fimpact import progress, tables
+from fimpact.support import progress, tables
 
 
 def rows(system: str, method: str, seeds: list[int]) -> pd.DataFrame:

@@ -5,7 +5,7 @@ import pytest
 from test_design import BUDGET
 from test_estimate import SETTINGS
 
-from fimpact.trial import DIAGNOSTICS, TABLE, draw_truth, run_trials
+from fimpact.paper.trial import DIAGNOSTICS, TABLE, draw_truth, run_trials
 
 LINES: list[str] = []
 

@@ -188,7 +188,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _init(options: argparse.Namespace) -> None:
     from fimpact.cases.first import first_case
-    from fimpact.drafts import write_text
+    from fimpact.support.drafts import write_text
 
     if options.out.exists():
         raise ValueError(f"{options.out} exists; nothing is overwritten; choose another name with -o, or remove it")
@@ -203,7 +203,7 @@ def _init(options: argparse.Namespace) -> None:
 
 def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
     """Before the work: a file can be written there, and is none of `files`, which are read."""
-    from fimpact.drafts import check_apart, draft_folder
+    from fimpact.support.drafts import check_apart, draft_folder
 
     if out.exists() and not out.is_file():
         raise ValueError(f"{out} is {'a folder' if out.is_dir() else 'no ordinary file'}; name a file with -o")
@@ -220,7 +220,7 @@ def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
 
 def _diagnose(options: argparse.Namespace) -> None:
     from fimpact.api.options import chosen_family
-    from fimpact.diagnose_recording import diagnose_recording
+    from fimpact.commands.diagnose_recording import diagnose_recording
     from fimpact.selection.limits import Limits
 
     only = chosen_family(options.only, "--only")
@@ -232,8 +232,8 @@ def _diagnose(options: argparse.Namespace) -> None:
 
 def _fit(options: argparse.Namespace) -> None:
     from fimpact.cases import inputs
-    from fimpact.drafts import write_text
-    from fimpact.fit_recording import as_json, fit_recording, in_lines
+    from fimpact.commands.fit_recording import as_json, fit_recording, in_lines
+    from fimpact.support.drafts import write_text
 
     if options.out:
         own = [path for path in (options.case, options.effects) if path]
@@ -246,8 +246,8 @@ def _fit(options: argparse.Namespace) -> None:
 
 
 def _resolve(options: argparse.Namespace) -> None:
+    from fimpact.commands.resolve_recording import resolve_recording
     from fimpact.effects.base import words
-    from fimpact.resolve_recording import resolve_recording
 
     ranked, left = resolve_recording(*_asked(options))
     for member in ranked:
@@ -268,7 +268,7 @@ def _asked(
 
 
 def _teller() -> Callable[[str], None]:
-    from fimpact.telling import Teller
+    from fimpact.commands.telling import Teller
 
     return Teller()
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from fimpact.concealed.plan import case_names, compared, entered
 from fimpact.concealed.settings import check as check_benchmark
-from fimpact.config import PLANAR, SEEN, check, check_keys
-from fimpact.fetch import find_source, read_sources
+from fimpact.support.config import PLANAR, SEEN, check, check_keys
+from fimpact.support.fetch import find_source, read_sources
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # of every job: pictures go to files
 KNOWN = sorted(path.stem for path in Path("config/recordings").glob("*.yaml") if path.stem != "sources")
@@ -35,16 +35,19 @@ REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in (
 
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
-MODEL = "__init__ runtime engine systems/__init__ systems/base sensors rollout information traced programs".split()
-FORECAST = ["quiet", "forecast"]
-PLANNING = [f"contact_implicit/{name}" for name in "bodies plan simulate step transcription".split()]
-TRIAL = [*MODEL, *FORECAST, *PLANNING, *"tables drafts truth design search estimate trial".split()]
+MODEL = ["__init__", "paper/systems/__init__", "paper/systems/base"]
+MODEL += [f"paper/mjx/{name}" for name in "runtime engine sensors rollout information traced programs".split()]
+FORECAST = ["support/quiet", "paper/forecast"]
+PLANNING = [f"paper/contact_implicit/{name}" for name in "bodies plan simulate step transcription".split()]
+TABLES = ["support/tables", "support/drafts"]
+TRIAL = [*MODEL, *FORECAST, *PLANNING, *TABLES]
+TRIAL += [f"paper/{name}" for name in "truth design search estimate trial".split()]
 EFFECTS = (
     "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing servos sites "
     "structure transmission"
 )
-SHARED = ["__init__", "tables", "drafts", "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
-RIGS = ["quiet"] + [
+SHARED = ["__init__", *TABLES, "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
+RIGS = ["support/quiet"] + [
     f"concealed/{name}"
     for name in "crowd rig rigs planar robots planting plants strangers truth world at_bodies at_joints at_signals".split()
 ]
@@ -54,13 +57,21 @@ CASE = (
     "misreadings model motion physics plausible quaternions readers ros rows runs sensor_ties sensors servo_ties "
     "sources start texts ties timebase units"
 )
-READ = ["__init__", "complaints", "recordings", "units", *(f"cases/{name}" for name in CASE.split())]
+READ = ["__init__", "support/complaints", "recordings", "support/units", *(f"cases/{name}" for name in CASE.split())]
 FORWARD = "added_forces horizon inputs model_pool nonsmooth servo_steps simulator starts windows".split()
 SMOOTHER = (
     "commands filtering inverse kalman lateness laws levels linear parameters prepare refinement response rubbing smoother "
     "states step stretches track"
 ).split()
-PROOF = ["quiet", "deciding", "recordings", "units", "visuals", "diagnosis/freed", "diagnosis/proof"]
+PROOF = [
+    "support/quiet",
+    "deciding",
+    "recordings",
+    "support/units",
+    "support/visuals",
+    "diagnosis/freed",
+    "diagnosis/proof",
+]
 PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
 PROOF += [f"effects/{name}" for name in EFFECTS.split() if name != "classes"]
 FINDING = [*PROOF, "smoothing/candidates", "smoothing/columns", "smoothing/simulated", "effects/classes"]
@@ -74,16 +85,18 @@ DESIGNING = [f"experiments/{name}" for name in "described design limits separati
 APART = ("diagnosis", "selection", "identifiability", "effects/classes")
 FORCED = [name for name in FINDING if not name.startswith(APART)]
 FORCED += ["diagnosis/proof", "selection/forced", "selection/regression"]
+RIVALS = [f"comparators/{name}" for name in "random_features free_parameters toolboxes".split()]
 EXPORT = [f"export/{name}" for name in "callback mjcf model player replay".split()]
 STAGES = {
     "compile": MODEL,
     "trial": TRIAL,
-    "reach": [*TRIAL, "reach"],
-    "plans": [*TRIAL, "reach", "plans"],
-    "forces": ["__init__", "tables", "drafts", "looks", "forces"],
-    "tables": ["tables", "drafts"],
-    "summary": ["tables", "drafts", "measures", "summary"],
-    "figures": ["tables", "drafts", "measures", "summary", "looks", "curve", "figures"],
+    "reach": [*TRIAL, "paper/reach"],
+    "plans": [*TRIAL, "paper/reach", "paper/plans"],
+    "forces": ["__init__", *TABLES, "plotting/style", "paper/figures/forces"],
+    "tables": TABLES,
+    "summary": [*TABLES, "paper/measures", "paper/summary"],
+    "figures": [*TABLES, "paper/measures", "paper/summary", "plotting/style"]
+    + ["paper/figures/curve", "paper/figures/panels"],
     "conceal": [
         *SHARED,
         *RIGS,
@@ -93,21 +106,27 @@ STAGES = {
         ),
     ],
     "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "experiments/resolve", "concealed/blind"],
-    "peers": [*SHARED, *FORCED, "diagnosis/freed", "simulation/random_features", "knobs", "peers", "concealed/peers"],
-    "enter": [*SHARED, *PROOF, "simulation/random_features", "knobs", "peers", "concealed/entered"],
+    "peers": [*SHARED, *FORCED, "diagnosis/freed", *RIVALS, "concealed/peers"],
+    "enter": [*SHARED, *PROOF, *RIVALS, "concealed/entered"],
     "grade": [*SHARED, *RIGS, "recordings", *(f"effects/{name}" for name in EFFECTS.split() if name != "classes")]
     + [f"concealed/{name}" for name in GRADING.split()],
     "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "grading oracle places score seal".split()],
-    "measures": ["__init__", "tables", "drafts", *(f"concealed/{n}" for n in "__init__ lines measures strata".split())],
-    "pictures": ["__init__", "looks", *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split())],
-    "examples": "__init__ runtime engine systems/__init__ systems/base sensors looks".split()
-    + "scene stage replay gif examples".split(),
-    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, "experiments/figures", "effects/fields", "effects/own"]
-    + "tables drafts looks scene stage gif motion film report_figures report_look report_numbers report_contents".split()
-    + "report diagnose_recording diagnosis/track_record".split(),
-    "compare_recording": [*READ, *PROOF, "simulation/random_features"]
-    + "knobs peers tables drafts compare_recording".split(),
-    "recordings_summary": ["__init__", "tables", "drafts", "rig_summary"],
+    "measures": ["__init__", *TABLES, *(f"concealed/{n}" for n in "__init__ lines measures strata".split())],
+    "pictures": [
+        "__init__",
+        "plotting/style",
+        *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split()),
+    ],
+    "examples": ["__init__", "paper/systems/__init__", "paper/systems/base"]
+    + [f"paper/mjx/{name}" for name in "runtime engine sensors".split()]
+    + [f"plotting/{name}" for name in "style scene stroboscopic gif".split()]
+    + ["paper/figures/replay", "paper/figures/examples"],
+    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, *TABLES, "effects/fields", "effects/own"]
+    + [f"plotting/{name}" for name in "style scene stroboscopic gif".split()]
+    + [f"report/{name}" for name in "contents experiment figures film look motion numbers page".split()]
+    + ["diagnosis/track_record", "commands/diagnose_recording"],
+    "compare_recording": [*READ, *PROOF, *RIVALS, *TABLES, "commands/compare_recording"],
+    "recordings_summary": ["__init__", *TABLES, "commands/rig_summary"],
 }
 
 
@@ -118,7 +137,7 @@ wildcard_constraints:
 
 def code(stage, system=None):
     """Package files that `stage` depends on, with those of `system` if it simulates one."""
-    own = [f"systems/{system}.py", f"systems/{system}.xml"] if system else []
+    own = [f"paper/systems/{system}.py", f"paper/systems/{system}.xml"] if system else []
     return [f"src/fimpact/{name}" for name in [f"{module}.py" for module in STAGES[stage]] + own]
 
 
@@ -276,4 +295,4 @@ def case_inputs(wildcards):
 
 def diagnosing():
     """Package files on which a page depends."""
-    return code("diagnose_recording") + ["src/fimpact/cases/schema.yaml", "src/fimpact/report.html.jinja"]
+    return code("diagnose_recording") + ["src/fimpact/cases/schema.yaml", "src/fimpact/report/page.html.jinja"]

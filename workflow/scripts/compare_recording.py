@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import tables
 from fimpact.cases import read_case
-from fimpact.compare_recording import compare_recording
-from fimpact.progress import logged
+from fimpact.commands.compare_recording import compare_recording
+from fimpact.support import tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

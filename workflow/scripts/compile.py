@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.programs import compile_programs
-from fimpact.progress import logged
-from fimpact.systems import make_system
+from fimpact.paper.mjx.programs import compile_programs
+from fimpact.paper.systems import make_system
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fimpact.concealed import figures, measures
-from fimpact.progress import logged
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

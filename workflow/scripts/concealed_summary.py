@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import drafts, tables
 from fimpact.concealed import measures
 from fimpact.concealed.strata import strata, track_record
-from fimpact.progress import logged
+from fimpact.support import drafts, tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.diagnose_recording import diagnose_recording
-from fimpact.progress import logged
+from fimpact.commands.diagnose_recording import diagnose_recording
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

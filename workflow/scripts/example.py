@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import examples
-from fimpact.progress import logged
+from fimpact.paper.figures import examples
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

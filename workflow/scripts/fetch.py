@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact.fetch import fetch
-from fimpact.progress import logged
+from fimpact.support.fetch import fetch
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import tables
-from fimpact.progress import logged
+from fimpact.support import tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

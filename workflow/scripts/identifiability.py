@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import drafts
-from fimpact.progress import logged
-from fimpact.reach import run_identifiability
+from fimpact.paper.reach import run_identifiability
+from fimpact.support import drafts
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

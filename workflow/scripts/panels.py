@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact import figures, tables
-from fimpact.progress import logged
+from fimpact.paper.figures import panels as figures
+from fimpact.support import tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import tables
-from fimpact.progress import logged
-from fimpact.reach import run_reach
+from fimpact.paper.reach import run_reach
+from fimpact.support import tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

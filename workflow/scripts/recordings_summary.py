@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import drafts, rig_summary, tables
-from fimpact.progress import logged
+from fimpact.commands import rig_summary
+from fimpact.support import drafts, tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

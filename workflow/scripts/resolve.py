@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fimpact import drafts
 from fimpact.concealed.blind import resolve_part
 from fimpact.concealed.rows import as_lines
-from fimpact.progress import logged
+from fimpact.support import drafts
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

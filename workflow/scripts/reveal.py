@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fimpact import tables
 from fimpact.concealed.referee import reveal
-from fimpact.progress import logged
+from fimpact.support import tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact import drafts
 from fimpact.concealed.rows import as_lines
 from fimpact.concealed.score import score_part
-from fimpact.progress import logged
+from fimpact.support import drafts
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import drafts, summary, tables
-from fimpact.progress import logged
+from fimpact.paper import summary
+from fimpact.support import drafts, tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from fimpact import tables
-from fimpact.progress import logged
-from fimpact.trial import run_sweep
+from fimpact.paper.trial import run_sweep
+from fimpact.support import tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact import tables
-from fimpact.progress import logged
-from fimpact.trial import run_trials
+from fimpact.paper.trial import run_trials
+from fimpact.support import tables
+from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -20,9 +20,9 @@ from fimpact.diagnosis import pipeline
 from fimpact.diagnosis.remainder import dof_name
 from fimpact.effects.own import load_effects
 from fimpact.experiments.described import next_experiment
-from fimpact.report import write_report
-from fimpact.report_contents import describe_inputs
-from fimpact.report_figures import force, horizon, joints
+from fimpact.report.contents import describe_inputs
+from fimpact.report.figures import force, horizon, joints
+from fimpact.report.page import write_report
 from fimpact.selection.limits import Limits
 
 COLUMNS = ["effect", "site", "tier", "parameter", "value", "low", "high", "unit", "why_not"]

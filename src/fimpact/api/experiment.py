@@ -15,9 +15,9 @@ from fimpact.api.diagnosis import Diagnosis
 from fimpact.api.pictures import drawn
 from fimpact.cases.errors import CaseError
 from fimpact.experiments import described, design
-from fimpact.experiments.figures import commands as drawn_commands
 from fimpact.experiments.resolve import Resolved, remaining, stated
 from fimpact.experiments.resolve import resolve as weigh_anew
+from fimpact.report.experiment import commands as drawn_commands
 
 
 @dataclass(frozen=True)

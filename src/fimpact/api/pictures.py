@@ -6,7 +6,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from fimpact.report_look import draw
+from fimpact.report.look import draw
 
 
 def drawn(picture: Callable[..., Figure], *args: Any) -> Figure:

@@ -16,7 +16,7 @@ from fimpact.cases.case import files_read, inputs, recording_of
 from fimpact.cases.case import read_case as read_file
 from fimpact.cases.errors import CaseError
 from fimpact.cases.load import load_mapping
-from fimpact.report_contents import describe_inputs
+from fimpact.report.contents import describe_inputs
 
 
 @dataclass(frozen=True)

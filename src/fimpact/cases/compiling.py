@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 import mujoco
 
 from fimpact.cases.errors import CaseError, reason
-from fimpact.quiet import hush
-from fimpact.visuals import without_visuals
+from fimpact.support.quiet import hush
+from fimpact.support.visuals import without_visuals
 
 DEEP = 100  # elements inside one another; MuJoCo allows hardly more
 FEW, SMALL = 5_000, 64 << 20  # elements, and bytes of meshes and pictures, which MuJoCo compiles in a second or two

@@ -11,7 +11,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from fimpact.cases.errors import CaseError, reason
-from fimpact.complaints import in_words, most_telling, name
+from fimpact.support.complaints import in_words, most_telling, name
 
 SCHEMA = Path(__file__).with_name("schema.yaml")
 MOST = 100_000  # values of a case

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from fimpact.concealed.measures import NONE, UNNAMED
-from fimpact.looks import STYLE, WIDTH, write
+from fimpact.plotting.style import STYLE, WIDTH, write
 
 SEVERAL = "several"
 

@@ -15,6 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from fimpact.comparators.free_parameters import freed_knobs
+from fimpact.comparators.toolboxes import black_box, fit_sysid, require_sysid
 from fimpact.concealed.archive import load_recording
 from fimpact.concealed.rows import Report, each, held_out_error
 from fimpact.diagnosis.freed import OF_JOINTS, freed
@@ -22,8 +24,6 @@ from fimpact.diagnosis.proof import prove
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.effects.sites import driven, drives
-from fimpact.knobs import freed_knobs
-from fimpact.peers import black_box, fit_sysid, require_sysid
 from fimpact.recordings import Recording
 from fimpact.simulation.simulator import Hypothesis
 from fimpact.smoothing.prepare import Prepared, prepare

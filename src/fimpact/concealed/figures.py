@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from fimpact.concealed.confusion import confusion
 from fimpact.concealed.measures import NULL, VISIBLE, calibration, claims, error_of
-from fimpact.looks import STYLE, WIDTH, in_percent, log_places, set_ticks, write
+from fimpact.plotting.style import STYLE, WIDTH, in_percent, log_places, set_ticks, write
 
 OURS, OTHERS, MUTED = "#0072B2", "#D55E00", "0.55"
 BELOW = -0.06  # where counts stand, under the shares

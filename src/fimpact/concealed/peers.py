@@ -1,7 +1,7 @@
 """What others would do with the same recordings, judged alike: held-out error with initial states fitted.
 
 - `mujoco.sysid` fits the naive model's parameters, from the model's own values and from the best of five draws; and
-  the black-box residual: both as in `fimpact.peers`.
+  the black-box residual: both as in `fimpact.comparators.toolboxes`.
 - Refitting every candidate of the catalogue to convergence and choosing by its likelihood, with no screening.
 """
 
@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from fimpact.comparators.free_parameters import own_knobs
+from fimpact.comparators.toolboxes import black_box, fit_sysid, require_sysid
 from fimpact.concealed.archive import load_recording
 from fimpact.concealed.rows import Report, each, held_out_error
 from fimpact.diagnosis.proof import prove
 from fimpact.effects import EFFECTS
-from fimpact.knobs import own_knobs
-from fimpact.peers import black_box, fit_sysid, require_sysid
 from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
 from fimpact.selection.regression import Regression

@@ -10,7 +10,7 @@ from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
 from fimpact.concealed.rig import Rig
-from fimpact.quiet import hush
+from fimpact.support.quiet import hush
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 HELD = 2.5e-4  # s

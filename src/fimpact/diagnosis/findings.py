@@ -15,7 +15,7 @@ from fimpact.selection.regression import Regression
 from fimpact.smoothing.columns import columns
 from fimpact.smoothing.parameters import Parameter
 from fimpact.smoothing.smoother import Smoothed
-from fimpact.units import channel_unit
+from fimpact.support.units import channel_unit
 
 CERTAIN, POSSIBLE, SLIGHT = "certain", "possible", "small"
 NAMELESS = "a smooth function explains more than twice as much, so that something else may stand behind it"

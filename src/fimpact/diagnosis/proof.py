@@ -22,7 +22,7 @@ from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.smoothing.prepare import Prepared, measured_states
 from fimpact.smoothing.smoother import smooth
 from fimpact.smoothing.track import Track
-from fimpact.units import channel_unit
+from fimpact.support.units import channel_unit
 
 HORIZONS = 6  # at most
 FINER = 4  # times as many steps in a proof as in a fit, at most

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pandas as pd
 
-from fimpact import tables
 from fimpact.deciding import UNLIKELY
 from fimpact.diagnosis.pipeline import Diagnosis, Member
 from fimpact.experiments.design import Experiment, discriminate, repeats
 from fimpact.experiments.separation import fitted_information
 from fimpact.simulation.simulator import Simulator
+from fimpact.support import tables
 
 COMMANDS, START = "experiment.csv", "experiment-start.csv"
 MANY = 20  # repetitions beyond which nobody would play it

@@ -19,7 +19,6 @@ from mujoco.rollout import Rollout
 from fimpact.effects.base import Placed, Signal, State
 from fimpact.effects.native import editable
 from fimpact.effects.sites import NO_CONTACT, can_touch
-from fimpact.quiet import hush
 from fimpact.recordings import FIELDS, Recording, spec_of
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
 from fimpact.simulation.inputs import InputSignal
@@ -27,7 +26,8 @@ from fimpact.simulation.model_pool import ModelPool
 from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
 from fimpact.simulation.servo_steps import held_by_servos
 from fimpact.simulation.windows import Windows
-from fimpact.visuals import without_visuals
+from fimpact.support.quiet import hush
+from fimpact.support.visuals import without_visuals
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
 MOST_STEPS = 2_000_000  # simulated at once: what is kept of each takes memory
