@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fimpact.support import config as checker
-from fimpact.support.config import check
+from fimpact.paper import config as checker
+from fimpact.paper.config import check
 
 ROOT = Path(__file__).parents[1]
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"

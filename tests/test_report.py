@@ -13,11 +13,11 @@ from diagnosed import nothing, rubbing, undecided
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
 from fimpact.identifiability.wording import Told
+from fimpact.report import contents as report_contents
+from fimpact.report import page as report
 from fimpact.report.contents import describe_inputs, to_text
 from fimpact.report.numbers import estimate, pair, short
 from fimpact.report.page import check_folder, write_report
-from fimpact.report.page import contents as report_contents
-from fimpact.report.page import page as report
 
 
 @pytest.fixture(scope="module")

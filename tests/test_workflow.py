@@ -199,8 +199,8 @@ def test_the_lists_of_package_files_are_complete(stage, scripts):
     package = ROOT / "src" / "fimpact"
     listed = {package / f"{name}.py" for name in stages()[stage]}
     # Every job of a stage gets the file of its own system; progress only talks; packages but that of the systems are
-    # empty, and runtime changes nothing where jax is not used; reach imports trial for its random numbers, which imports
-    # an estimator it never calls.
+    # empty; runtime changes nothing where jax is not used; reach imports trial for its random numbers, which imports an
+    # estimator it never calls.
     paper, systems = package / "paper", package / "paper" / "systems"
     apart = {package / "support" / "progress.py", paper / "mjx" / "runtime.py", *package.rglob("__init__.py")}
     apart |= set(systems.glob("*.py")) - {systems / "base.py"}

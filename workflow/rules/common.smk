@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fimpact.concealed.plan import case_names, compared, entered
 from fimpact.concealed.settings import check as check_benchmark
-from fimpact.support.config import PLANAR, SEEN, check, check_keys
+from fimpact.paper.config import PLANAR, SEEN, check, check_keys
 from fimpact.support.fetch import find_source, read_sources
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # of every job: pictures go to files

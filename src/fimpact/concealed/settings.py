@@ -1,9 +1,9 @@
-"""Check the settings of the blind benchmark before anything runs, as `fimpact.support.config` does for the paper's."""
+"""Check the settings of the blind benchmark before anything runs, as `fimpact.paper.config` does for the paper's."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from fimpact.support.config import check_keys
+from fimpact.paper.config import check_keys
 
 
 def check(config: dict, schema: Path) -> None:

@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 
 from fimpact.support.complaints import in_words, most_telling, name
 
-MJCF = Path(__file__).parent / "systems"
+MJCF = Path(__file__).with_name("systems")
 PLANAR = ("arm", "block")  # systems with rigid-body terms for contact_implicit, which does not run for others
 NEEDED = ("fisher", "uniform")  # the design that is shown, and the baseline
 SEARCH = ("criterion", "draws", "spread", "approach", "generations", "sigma", "gradients")
