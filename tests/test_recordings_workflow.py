@@ -15,7 +15,7 @@ from test_fetch import CONTENT, Handler
 from test_workflow import ROOT, copy, imported, planned, snakemake, stages
 
 from fimpact.commands.rig_summary import to_markdown
-from fimpact.paper.config import check_keys
+from fimpact.support.keys import check_keys
 
 SCHEMA = ROOT / "workflow" / "schemas" / "recordings.schema.yaml"
 PAGE = "results/recordings/ball_drops/report.html"

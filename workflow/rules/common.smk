@@ -5,8 +5,9 @@ from pathlib import Path
 
 from fimpact.concealed.plan import case_names, compared, entered
 from fimpact.concealed.settings import check as check_benchmark
-from fimpact.paper.config import PLANAR, SEEN, check, check_keys
+from fimpact.paper.config import PLANAR, SEEN, check
 from fimpact.support.fetch import find_source, read_sources
+from fimpact.support.keys import check_keys
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # of every job: pictures go to files
 KNOWN = sorted(path.stem for path in Path("config/recordings").glob("*.yaml") if path.stem != "sources")

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from fimpact.paper.config import check_keys
+from fimpact.support.keys import check_keys
 
 
 def check(config: dict, schema: Path) -> None:

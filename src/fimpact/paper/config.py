@@ -1,10 +1,8 @@
 """Check a configuration before anything runs; cheap, because every `snakemake` does it: no jax is imported here."""
 
 from collections.abc import Iterator
-from functools import reduce
 from itertools import pairwise
 from math import isfinite
-from operator import getitem
 from pathlib import Path
 
 import mujoco
@@ -12,6 +10,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from fimpact.support.complaints import in_words, most_telling, name
+from fimpact.support.keys import as_numbers
 
 MJCF = Path(__file__).with_name("systems")
 PLANAR = ("arm", "block")  # systems with rigid-body terms for contact_implicit, which does not run for others
@@ -38,40 +37,11 @@ def check(config: dict, schema: Path) -> None:
         ValueError: one line that names the first wrong key, its value, and what is allowed.
     """
     validator = Draft202012Validator(_with_systems(yaml.safe_load(schema.read_text()), config))
-    _numbered(validator, config)
+    as_numbers(validator, config)
     error = most_telling(validator.iter_errors(config))
     complaint = in_words(error) if error else next(_contradictions(config), None)
     if complaint:
         raise ValueError(f"configuration: {complaint} (all keys: config/README.md)")
-
-
-def check_keys(config: dict, schema: Path, **names: list[str]) -> None:
-    """Check a table against its JSON schema alone.
-
-    Args:
-        names: by the definition of the schema that stands for it, the names that are known only here.
-
-    Raises:
-        ValueError: one line that names the first wrong key, its value, and what is allowed.
-    """
-    rules = yaml.safe_load(schema.read_text())
-    for definition, known in names.items():
-        rules["$defs"][definition] = {"enum": known}
-    validator = Draft202012Validator(rules)
-    _numbered(validator, config)
-    error = most_telling(validator.iter_errors(config))
-    if error:
-        raise ValueError(f"configuration: {in_words(error)} (all keys: config/README.md)")
-
-
-def _numbered(validator: Draft202012Validator, config: dict) -> None:
-    """Numbers where numbers belong: of ``--config 'table={key: 5}'`` snakemake makes text."""
-    for error in list(validator.iter_errors(config)):
-        if error.validator == "type" and error.validator_value in ("number", "integer"):
-            *above, last = error.absolute_path
-            table = reduce(getitem, above, config)
-            if isinstance(error.instance, str) and type(number := yaml.safe_load(error.instance)) in (int, float):
-                table[last] = number
 
 
 def _with_systems(schema: dict, config: dict) -> dict:
