@@ -53,7 +53,8 @@ def learn_force(inputs: np.ndarray, force: np.ndarray, groups: np.ndarray) -> Pl
     folds = np.unique(groups, return_inverse=True)[1] % FOLDS
     if not folds.any():  # a single run: its pieces
         folds = np.arange(len(inputs)) * FOLDS // len(inputs)
-    best = min(product(WIDTHS, RIDGES), key=_left_out(inputs, force, folds).get)
+    missed = _left_out(inputs, force, folds)
+    best = min(product(WIDTHS, RIDGES), key=lambda pair: missed[pair])
     features = _features(inputs, best[0])
     law = LearnedForce(features, _ridge(features(inputs), force, best[1]))
     effect = Effect("black_box", "residual", "", "", "", "force", (), lambda m, c: [], lambda s, m, k: [], law, {})

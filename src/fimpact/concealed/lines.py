@@ -68,12 +68,12 @@ def share(what: str, good: pd.Series, sign: int = 0, bar: float = np.nan, aim: f
 
 def average(what: str, values: pd.Series, statistic, form, sign: int = 0, bar=np.nan, aim=np.nan) -> Measure:
     """A statistic of cases with its bootstrap interval."""
-    values = values.dropna().to_numpy(float)
-    if not len(values):
+    known = values.dropna().to_numpy(float)
+    if not len(known):
         return Measure(what, np.nan, np.nan, np.nan, 0, sign, bar, aim, form)
-    drawn = np.random.default_rng(0).integers(len(values), size=(RESAMPLES, len(values)))
-    low, high = np.percentile(statistic(values[drawn], axis=1), [2.5, 97.5])
-    return Measure(what, float(statistic(values)), float(low), float(high), len(values), sign, bar, aim, form)
+    drawn = np.random.default_rng(0).integers(len(known), size=(RESAMPLES, len(known)))
+    low, high = np.percentile(statistic(known[drawn], axis=1), [2.5, 97.5])
+    return Measure(what, float(statistic(known)), float(low), float(high), len(known), sign, bar, aim, form)
 
 
 def coverage(what: str, held: pd.Series, total: pd.Series) -> Measure:

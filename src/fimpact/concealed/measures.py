@@ -75,7 +75,7 @@ def _naming(cases: pd.DataFrame) -> list[Measure]:
         share(f"best name right among the detected, {system}", found[found.system == system].right, 1, *own)
         for system, own in limits.items()
     ]
-    size = found.answer_set.str.split("|").str.len()
+    size = found.answer_set.str.count(r"\|") + 1
     return [
         *lines,
         share("truth inside the answered set", found.in_set, 1, 0.97, 0.99),
@@ -216,7 +216,8 @@ def _time(cases: pd.DataFrame) -> list[Measure]:
     stage = cases.seconds_screening if "seconds_screening" in cases else np.nan * cases.seconds
     refits = cases.refit_all_seconds - cases.screening_seconds
     alone, times = refits / cases.screening_seconds, number(" ×", 0)
-    whole = cases.filter(regex="^job_").sum(axis=None) / CORES / 60 * max(WHOLE / max(len(cases), 1), 1.0)
+    spent = float(np.nansum(cases.filter(regex="^job_").to_numpy(float)))
+    whole = spent / CORES / 60 * max(WHOLE / max(len(cases), 1), 1.0)
     what = f"whole benchmark, {WHOLE} cases, on 2 cores"
     return [
         average("refitting all over screening all, time ratio, median", alone, np.median, times, 1, 20, 100),

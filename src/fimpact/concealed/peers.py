@@ -52,7 +52,7 @@ def compare(recording: Recording, peers: Sequence[str], report: Report = lambda 
     """Held-out error and seconds of each of the `peers` on one recording."""
     prepared = prepare(recording)
     naive = smooth(prepared.track, prepared.begun, prepared.noise)
-    out = {}
+    out: dict[str, Any] = {}
     for name in peers:
         report(f"{name} of {prepared.track.count} samples")
         since = time.perf_counter()

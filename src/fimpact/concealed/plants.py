@@ -25,7 +25,7 @@ TOUCH = {PRESS: ("tip_wall",), BLOCK: ("mat",), LEG: ("foot_floor",)}
 # m from a link's origin at which it carries what it should not
 HELD = {(AXES, "link_3"): 0.39, (AXES, "link_6"): 0.12, (SERVO, "link_3"): 0.13, (SERVO, "link_5"): 0.08}
 HELD |= {(LEG, "thigh"): 0.2}
-EVERY = dict.fromkeys((FREE, PRESS, BLOCK, AXES, SERVO, LEG), ("world",))
+EVERY: dict[str, tuple[str, ...]] = dict.fromkeys((FREE, PRESS, BLOCK, AXES, SERVO, LEG), ("world",))
 SIX = range(1, 7)
 ROBOTS_J = dict.fromkeys((AXES, SERVO), tuple(f"joint_{i}" for i in SIX)) | {LEG: ("hip", "knee")}
 ROBOTS_M = dict.fromkeys((AXES, SERVO), tuple(f"motor_{i}" for i in SIX)) | {LEG: ("hip_motor", "knee_motor")}

@@ -183,7 +183,7 @@ def gather(parts: Iterable[str | Path]) -> pd.DataFrame:
     """Rows of all parts as one table, the published columns first, sorted by case."""
     table = pd.DataFrame([row for part in parts for row in read_rows(part).values()])
     # The first case need not have been through every stage: in its order, tables of other parts would differ.
-    timed = sorted(name for name in table if name.startswith("seconds_"))
+    timed = sorted(name for name in map(str, table) if name.startswith("seconds_"))
     rest = [name for name in table if name not in (*COLUMNS, *timed, "job_seconds")] + timed
     table = table.rename(columns={"job_seconds": "job_score"})
     return table[[*COLUMNS, *rest, "job_score"]].sort_values("case", ignore_index=True)

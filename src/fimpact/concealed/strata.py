@@ -1,6 +1,7 @@
 """How often "certain" is right, by stratum: rig, kind, non-centrality and concealment."""
 
 from itertools import pairwise
+from typing import Any
 
 import pandas as pd
 from scipy.stats import binomtest
@@ -53,7 +54,8 @@ def _parts(told: pd.DataFrame, by: list[str]):
 
 def _row(key: dict[str, str], own: pd.DataFrame, names: list[str]) -> dict:
     sure = own[own.certain]
-    right, row = int(sure.good.sum()), {name: key.get(name, "all") for name in names}
+    right = int(sure.good.sum())
+    row: dict[str, Any] = {name: key.get(name, "all") for name in names}
     row |= {"cases": len(own), "certain": len(sure), "right": right}
     if not len(sure):
         return row | dict.fromkeys(("share", "low", "high"))

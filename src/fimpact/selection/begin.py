@@ -20,7 +20,8 @@ def begun(regression: Regression, trial: Trial | Exchange) -> tuple[tuple[Placed
         if column >= regression.p:
             owner, amplitude = regression.columns.owners[column - regression.p]
             values.setdefault(owner, {})[amplitude] = float(value)
-    tried, blends = regression.columns.candidates, {}
+    tried = regression.columns.candidates
+    blends: dict[str, list[int]] = {}
     for owner in values:
         blends.setdefault(tried[owner].name, []).append(owner)
     placed = tuple(_blended([(tried[i], values[i]) for i in owners]) for owners in blends.values())

@@ -36,7 +36,7 @@ def make_friction_exact(model: mujoco.MjModel, base: mujoco.MjModel, placed: Seq
         dof = model.joint(law.site).dofadr[0]
         added[dof] = 1.0 if not own[dof] else added[dof]
     dofs = np.flatnonzero((added > 0) & (base.dof_solref[:, 0] > 0))
-    for dof in dofs:
+    for dof in dofs.tolist():
         _tighten(model, base, dof, added[dof] / (added[dof] + own[dof]))
     return dofs.tolist()
 

@@ -35,9 +35,12 @@ def refined(
         placed: effects that are known already.
     """
     if refine:
-        track = Track(Simulator(recording, refine), runs)
-        return _in_contact(track), begin(track)
-    refine, track, states, apart, errors = 1, None, None, False, []
+        asked = Track(Simulator(recording, refine), runs)
+        return _in_contact(asked), begin(asked)
+    refine, apart = 1, False
+    track: Track | None = None
+    states: States | None = None
+    errors: list[float] = []
     while True:
         finer = Track(Simulator(recording, refine, apart), runs)
         if finer.simulator.substeps < 2:
