@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from conftest import ROOT
 from diagnosed import nothing, rubbing, undecided
 
 from fimpact.concealed.rigs import RIGS
@@ -11,7 +12,7 @@ from fimpact.concealed.strata import track_record as counted
 from fimpact.diagnosis import track_record as told
 from fimpact.diagnosis.track_record import rig_like, track_record
 
-PUBLISHED = Path("results/reference/concealed/sample/track_record.csv")
+PUBLISHED = ROOT / "results" / "reference" / "concealed" / "track_record.csv"
 TOUCHING = ("arm_contact", "leg")
 
 

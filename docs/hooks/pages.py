@@ -18,7 +18,7 @@ BESIDE = {  # page of the site -> the file of the repository that it shows
     "case-files.md": "config/recordings/README.md",
     "configuration.md": "config/README.md",
     "paper-figures.md": "results/reference/paper/README.md",
-    "benchmark-first.md": "results/reference/concealed/README.md",
+    "benchmark-lines.md": "results/reference/concealed/README.md",
     "rigs-one-by-one.md": "results/reference/recordings/README.md",
     "changes.md": "CHANGELOG.md",
 }

@@ -99,8 +99,9 @@ def _confidence(cases: pd.DataFrame) -> list[Measure]:
 
 
 def claims(cases: pd.DataFrame) -> pd.DataFrame:
-    """Every answer that named something, with its stated confidence and whether it was right, in all kinds."""
-    named = cases[cases.detected & (cases.answer != UNNAMED)]
+    """Every answer that named something, with its stated confidence and whether it was right, in all kinds but crowds,
+    whose names are judged one by one."""
+    named = cases[cases.detected & (cases.answer != UNNAMED) & (cases.kind != "crowd")]
     return named[["confidence", "right"]].dropna().astype(float)
 
 
