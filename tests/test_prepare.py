@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from recorded import ROD, record, waves
 
-import fimpact.smoothing.track as tracks
+import fimpact.smoothing.refinement as refinement
 from fimpact.effects.sites import can_touch, contacts
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
+from fimpact.smoothing.refinement import COARSER, FINER, FINEST
 from fimpact.smoothing.response import Response
-from fimpact.smoothing.track import COARSER, FINER, FINEST, Plant, Track
+from fimpact.smoothing.track import Plant, Track
 
 BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
 <body name="ball" pos="0 0 0.3"><freejoint name="free"/><geom name="ball" size="0.05" mass="0.3"/></body></worldbody>
@@ -141,7 +142,7 @@ def test_where_no_step_in_between_can_be_fine_enough_for_contact_the_finest_is_t
     """What halves with the step has more than a noise left at the finest; what falls faster is followed."""
     given = iter(errors)
     calls = []
-    monkeypatch.setattr(tracks, "_error", lambda *parts: calls.append(parts) or next(given))
+    monkeypatch.setattr(refinement, "_error", lambda *parts: calls.append(parts) or next(given))
     starts = [([0, 0, 0.2, 1, 0, 0, 0], [0.3, 0, 0, 0, 0, 0])]
     seen = tuple(f"place[{i}]" for i in range(3))
     made = prepare(record(BALL, seen, [np.zeros((30, 0))], 5e-4, starts=starts, fine=5))

@@ -19,7 +19,9 @@ def test_jax_is_set_up_before_it_is_imported():
     for path in (ROOT / "src").rglob("*.py"):
         text = path.read_text()
         if re.search(r"^import jax\b", text, re.M):
-            assert re.search(r"^(from|import) fimpact\.engine\b.*?^import jax\b", text, re.M | re.S), path.name
+            assert re.search(r"^(from|import) fimpact\.paper\.mjx\.engine\b.*?^import jax\b", text, re.M | re.S), (
+                path.name
+            )
 
 
 def test_vmapped_products_are_right_at_16385_rows():
