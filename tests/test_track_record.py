@@ -45,7 +45,7 @@ def test_counts_are_those_of_the_cases():
 @pytest.mark.parametrize(
     ("made", "words"),
     [
-        (rubbing, "7 of 8 answers with a single, certain name were right"),
+        (rubbing, "7 of 8 answers that left no choice were right in every name"),
         (undecided, "4 of 5 answers that left a choice held the truth"),
         (nothing, "6 of 9 effects were found"),
     ],

@@ -70,8 +70,9 @@ def track_record(cases: pd.DataFrame) -> pd.DataFrame:
         cases: a row per case, as `score` writes them.
 
     Returns:
-        rig, cases; certain (answers with a single, certain name), right (of those); choices (other answers with names),
-        held (of those, by one of their members); visible (cases that an oracle sees), found (of those).
+        rig, cases; certain (answers that name something and leave no choice), right (of those, in every name); choices
+        (other answers with names), held (of those, by one of their members); visible (cases that an oracle sees), found
+        (of those).
     """
     named = ~cases.answer.isin(("none", "unnamed"))
     sure, good = named & _certain(cases), _good(cases)

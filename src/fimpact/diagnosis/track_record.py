@@ -60,7 +60,7 @@ def _asked(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         return []
     total = sum(member.weight for member in diagnosis.members)
     if len(diagnosis.members) == 1 and diagnosis.members[0].weight >= CONFIDENCE * total:
-        return [("certain", "right", "{good} of {count} answers with a single, certain name were right.")]
+        return [("certain", "right", "{good} of {count} answers that left no choice were right in every name.")]
     return [("choices", "held", "{good} of {count} answers that left a choice held the truth.")]
 
 
