@@ -15,6 +15,7 @@ from fimpact.concealed.draw import draw_case
 from fimpact.concealed.entered import enter
 from fimpact.concealed.grading import gather_entered, grade, listed, names_of, planted_name
 from fimpact.concealed.motions import draw_motion
+from fimpact.concealed.plan import compared, entered, plan
 from fimpact.concealed.rigs import RIGS, rig_of
 from fimpact.concealed.rows import as_lines
 from fimpact.concealed.seal import open_seal
@@ -101,6 +102,24 @@ def test_a_base_that_gives_begins_where_it_holds_the_arm():
     soft = still("six_servo", 0.0, True, base_gives_way__base={"compliance": 0.01})
     apart = np.abs(soft - still("six_servo", 0.0, True))[:4].max()
     assert 1e-4 < apart < 8e-4  # 1e-3 where it falls first
+
+
+@pytest.mark.parametrize("system", ["six_axis", "six_servo", "leg"])
+def test_a_centre_of_mass_is_off_by_what_the_case_declares(system):
+    """An `Unknown` is relative where the model's own value is not zero; misjudged by millimetres is what is meant."""
+    rig = rig_of(system)
+    for i, unknown in enumerate(rig.unknowns):
+        if unknown.field.startswith("com"):
+            off = new_world(rig, unknown.sd * np.eye(len(rig.unknowns))[i], fine=False).spec.compile()
+            moved = np.abs(off.body(unknown.site).ipos - rig.naive.body(unknown.site).ipos).sum()
+            own = rig.naive.body(unknown.site).ipos["xyz".index(unknown.field[-1])]
+            assert moved == pytest.approx(0.005) == pytest.approx(unknown.sd * (abs(own) or 1))
+
+
+def test_other_tools_enter_every_crowd():
+    settings = {"seed": 1, "cases": {"single": 6, "crowd": 4}, "rigs": ["arm_free"], "compared": 0.2}
+    crowds = {case.name for case in plan(settings) if case.kind == "crowd"}
+    assert len(crowds) == 4 and set(entered(settings)) == crowds | set(compared(settings))
 
 
 def test_at_least_five_strangers_are_new_to_every_catalogue():

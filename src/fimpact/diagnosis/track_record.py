@@ -23,16 +23,16 @@ RIGS = {
 
 
 def track_record(diagnosis: Diagnosis) -> str:
-    """One or two sentences for the page; "" where the benchmark had no such answer."""
-    rig = rig_like(diagnosis.prepared.track.model, diagnosis.prepared.track.simulator.apart)
+    """One sentence for the page; "" where the benchmark had no such answer."""
+    rig, asked = rig_like(diagnosis.prepared.track.model, diagnosis.prepared.track.simulator.apart), _asked(diagnosis)
     row = _rows().get(rig, {})
-    for count, good, text in _asked(diagnosis):
-        if int(row.get(count, 0)):
-            return (
-                f"In the blind benchmark, on {RIGS[rig]}, which of its robots is most like yours, "
-                f"{text.format(good=row[good], count=row[count])}"
-            )
-    return ""
+    if asked is None or not int(row.get(asked[0], 0)):
+        return ""
+    count, good, text = asked
+    return (
+        f"In the blind benchmark, on {RIGS[rig]}, which of its robots is most like yours, "
+        f"{text.format(good=row[good], count=row[count])}"
+    )
 
 
 def rig_like(model: mujoco.MjModel, apart: bool) -> str:
@@ -50,18 +50,16 @@ def rig_like(model: mujoco.MjModel, apart: bool) -> str:
     return "six_axis" if model.nu >= AXES else "arm_free"
 
 
-def _asked(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
-    """Columns that count what is like this answer and what was right of it, and the sentence."""
+def _asked(diagnosis: Diagnosis) -> tuple[str, str, str] | None:
+    """Columns that count what is like this answer and what was right of it, and the sentence; None: not counted."""
     if diagnosis.answer == NONE:
-        return [
-            ("visible", "found", "{good} of {count} effects were found that someone who knew them would have seen.")
-        ]
+        return "visible", "found", "{good} of {count} effects were found that someone who knew them would have seen."
     if diagnosis.answer == UNNAMED:
-        return []
+        return None
     total = sum(member.weight for member in diagnosis.members)
     if len(diagnosis.members) == 1 and diagnosis.members[0].weight >= CONFIDENCE * total:
-        return [("certain", "right", "{good} of {count} answers that left no choice were right in every name.")]
-    return [("choices", "held", "{good} of {count} answers that left a choice held the truth.")]
+        return "certain", "right", "{good} of {count} answers that left no choice were right in every name."
+    return "choices", "held", "{good} of {count} answers that left a choice held the truth."
 
 
 @cache
