@@ -101,7 +101,7 @@ def far(search, missing: np.ndarray) -> bool:
 
 def whole(search, trial: Trial, regression: Regression) -> Trial:
     """`trial`, and under servos what its compound has left out, at typical sizes."""
-    return at_typical_sizes(regression, trial) if trial.option.compound and search.coupled else trial
+    return at_typical_sizes(regression, trial) if trial.option.compound else trial
 
 
 def _alike(search, fit: Smoothed) -> Smoothed:

@@ -159,7 +159,6 @@ class Search:
         self.rounds.append(found)
         added = tuple(p for p in best.placed if p.name not in known)
         self.alternatives += [replace(a, placed=(*a.placed, *added)) for a in others]
-        self.dropped |= {tried[i].name for i in chosen.option.members} - {p.name for p in best.placed}
         return True
 
     def left(self, fit: Smoothed | None = None) -> np.ndarray:
