@@ -17,6 +17,7 @@ UNLIKELY = 0.05  # relative likelihood below which a rival has left the set
 TIED = 1.0  # twice log likelihoods: less is not worth a mention (Kass and Raftery 1995); the engineer's order decides
 SHARE = 0.02  # of the squared missing force at its place: less is no explanation an expert would give (METHOD 6)
 REFINES = 0.10  # of what is left at its place: least share of a small refinement (METHOD 5.6)
+MOST = 0.5  # of what is left at its place: least share, beside what is in, of what was next to nothing beside all of it
 NOTHING = 1e-3  # of what such parts have: less is nothing
 FOLDS = 5  # of blocked validation
 STRETCHES = 10  # least number of stretches from which a spread is estimated

@@ -90,9 +90,9 @@ def _run_of_stretch(regression: Regression) -> np.ndarray:
 
 
 def findings(
-    smoothed: Smoothed, main: int, rows: list[dict[str, Any]], doubted: Sequence[str] = ()
+    smoothed: Smoothed, slight: frozenset[str], rows: list[dict[str, Any]], doubted: Sequence[str] = ()
 ) -> tuple[Finding, ...]:
-    """What may be said of each effect; the first `main` are of the first tier; `doubted`: names that a smooth function
+    """What may be said of each effect; `slight`: names of small refinements; `doubted`: names that a smooth function
     without a name beats."""
     found = []
     for place, law in enumerate(smoothed.placed):
@@ -102,7 +102,7 @@ def findings(
         usual = bool(own) and all(
             abs(n.value - law.effect.neutral[n.name]) <= law.least.get(n.name, -1.0) for n, _ in own
         )
-        tier = SLIGHT if usual else POSSIBLE if why else CERTAIN if place < main else SLIGHT
+        tier = SLIGHT if usual else POSSIBLE if why else SLIGHT if law.name in slight else CERTAIN
         found.append(Finding(law.effect.name, law.site, tier, own_rows, why, why not in UNSEEN))
     return tuple(found)
 

@@ -99,7 +99,7 @@ def diagnose(
         models["freed"] = fit_freed(prepared, found.naive.states)
     proof = prove(prepared, models, own_only=brief, progress=progress)
     rows = parameter_rows(found.final, recording)
-    effects = findings(found.final, found.main, rows, found.left.doubted)
+    effects = findings(found.final, found.slight, rows, found.left.doubted)
     left = remainder(prepared, found, proof, brief)
     notes = [*notes_on(prepared, found), *found.unasked]
     answer = _answer(effects, left)

@@ -55,22 +55,24 @@ def _with(search, way: Way, known: dict) -> Smoothed:
 def drive(search) -> None:
     """Refit with a geared drive at every driven joint, and keep what bears something.
 
-    Under servos, and where a sample is long against the drive, a column at zero is wrong, and one kind of physics alone
-    goes wrong at each joint: the compound is refitted whatever its columns say, but where little is missing of what
-    motors give and another does more than twice as much.
+    Where much is missing of what motors give, under servos, and where a sample is long against the drive, a column at
+    zero is wrong, and one kind of physics alone goes wrong at each joint: the compound is refitted whatever its columns
+    say, but where another does more than twice as much.
     """
-    tried, lacks_much = search.open(False), far(search, search.missing)
-    if not (search.coupled and any(c.effect.name in DRIVE for c in tried)):
+    tried, lacks_much, steps = search.open(False), far(search, search.missing), search.track.steps
+    if not ((search.coupled or lacks_much) and any(c.effect.name in DRIVE for c in tried)):
         return
-    if lacks_much:  # nothing else has a say: its columns are no tangents
+    alone = lacks_much and search.coupled  # nothing else has a say: its columns are no tangents
+    if alone:
         tried = [c for c in tried if c.effect.name in DRIVE]
     regression, found = search.searched(tried, search.missing, SHARE)
-    search.first, search.asked = None if lacks_much else (regression, found), regression
+    search.first, search.asked = None if alone else (regression, found), regression
     trial = next((t for t in found.tried if t.option.compound), None)
     if trial is None:
         return
-    if not lacks_much and found.tried[0].gain > 2 * trial.gain:
-        search.failed.add(trial.option.name)  # its kinds and places are asked one by one
+    if not alone and found.tried[0].gain > 2 * trial.gain:
+        if search.coupled:
+            search.failed.add(trial.option.name)  # its kinds and places are asked one by one
         return
     search.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
     best = _alike(search, search.refitted(regression, whole(search, trial, regression)))
@@ -88,6 +90,7 @@ def drive(search) -> None:
     else:
         search.dropped.clear()
         search.parts.clear()
+    search.track.steps = steps  # no other question goes unasked because this one came first
 
 
 def far(search, missing: np.ndarray) -> bool:

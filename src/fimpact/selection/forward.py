@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
+from fimpact.deciding import BUDGET, MISSES, MOST, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import has_servos
 from fimpact.selection.begin import begun, held_by, with_held
@@ -28,13 +28,12 @@ from fimpact.smoothing.track import Track
 
 @dataclass(frozen=True)
 class Explanation:
-    """What was found: the naive fit, the final one, how many of its effects are of the first tier, rounds,
-    alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
+    """What was found: the naive fit, the final one, which of its effects are small refinements, rounds, alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
     columns of all that was asked, but for refinements, beside the final fit."""
 
     naive: Smoothed
     final: Smoothed
-    main: int
+    slight: frozenset[str]
     rounds: tuple[Round, ...]
     alternatives: tuple[Alternative, ...]
     p: float
@@ -66,6 +65,7 @@ class Search:
         self.dropped: set[str] = set()
         self.failed: set[str] = set()
         self.parts: set[str] = set()  # of whole drives
+        self.slight: set[str] = set()  # small refinements
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self.first: tuple[Regression, Round] | None = None
@@ -83,13 +83,15 @@ class Search:
         self.stopped = self.limits.over
         return self.spent < BUDGET and not self.stopped
 
-    def open(self, small: bool) -> list[Candidate]:
-        """Candidates that are not in; small: refinements of what is, which wait for the second tier."""
+    def open(self, refining: bool | None = None) -> list[Candidate]:
+        """Candidates that are not in; refining: only those that refine what is, or only the others."""
         names = {p.name for p in self.current.placed} | self.dropped
-        families = {p.effect.name for p in self.current.placed}
         left = [c for c in self.candidates if c.name not in names and not self._is_sum(c)]
-        refining = [bool(set(c.effect.refines) & families) and self._has_its_family(c) for c in left]
-        return [c for c, refines in zip(left, refining, strict=True) if refines == small]
+        return [c for c in left if refining in (None, self._refines(c))]
+
+    def _refines(self, candidate: Candidate) -> bool:
+        families = {p.effect.name for p in self.current.placed}
+        return bool(set(candidate.effect.refines) & families) and self._has_its_family(candidate)
 
     def _is_sum(self, candidate: Candidate) -> bool:
         """Whether it is what is in already and a constant: it holds that, and has no shape of its own."""
@@ -125,31 +127,60 @@ class Search:
         found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
         return [option for option in found if option.name not in self.failed]
 
-    def round(self, small: bool = False) -> bool:
-        """Choose and refit; False where nothing qualifies."""
-        tried = self.open(small)
-        if not tried:
-            return False
-        missing, offered = self.left() if small else self.missing, self.offered(tried)
+    def round(self) -> bool:
+        """Choose and refit; False where nothing qualifies.
+
+        First what takes a share of all that was missing, but for refinements; then whatever takes most of what is left
+        at a place; then what may stand in the place of something else.
+        """
+        regression, found = self._asked_anew()
+        if found.chosen is None and self.current.placed:
+            rest, later = self.searched(self.open(), self.left(), MOST)
+            if later.chosen is not None:
+                return self.chose(rest, later, self.left())
+        if found.chosen is None:
+            self.rounds += [] if self.tries > 1 or self.rounds else [found]
+            return self.exchanged(regression, self.offered(self.open(False)))
+        return self.chose(regression, found, self.missing)
+
+    def _asked_anew(self) -> tuple[Regression, Round]:
+        tried = self.open(False)
         if self.first and self.first[0].smoothed is self.current:
             regression, found = self.first
         else:
-            regression, found = self.searched(tried, missing, REFINES if small else SHARE)
-        self.first, self.asked = None, self.asked if small else regression
+            regression, found = self.searched(tried, self.missing, SHARE)
+        self.first, self.asked = None, regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
         self.progress(
-            f"selecting: {len(offered)} options tried; {self.spent:.0f} of at most {BUDGET:.0f} simulations done"
+            f"selecting: {len(found.tried)} options tried; {self.spent:.0f} of at most {BUDGET:.0f} simulations done"
         )
-        if found.chosen is None:
-            self.rounds += [] if self.tries > 1 or self.rounds else [found]
-            return not small and self.exchanged(regression, offered)
+        return regression, found
+
+    def refine(self) -> bool:
+        """Put in a small refinement of what is in, worth a share of what is left; False where nothing qualifies."""
+        tried, before = self.open(True), {p.name for p in self.current.placed}
+        if not tried:
+            return False
+        missing = self.left()
+        regression, found = self.searched(tried, missing, REFINES)
+        if found.chosen is None or not self.chose(regression, found, missing, small=True):
+            return False
+        now = {p.name for p in self.current.placed}
+        if before <= now:  # else it stands in the place of what was in
+            self.slight |= now - before
+        return True
+
+    def chose(self, regression: Regression, found: Round, missing: np.ndarray, small: bool = False) -> bool:
+        """Refit with what a round chose; False where too many refits in a row have not converged."""
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
         best = self.refitted(regression, whole(self, chosen, regression))
         best = best if small else self._among_rivals(regression, found, best)
+        if chosen.option.compound:
+            self.parts |= {law.name for law in best.placed} - known
         best = self.pruned(best, missing, small)
         self.failed.add(chosen.option.name)
         if not best.converged:
@@ -304,11 +335,11 @@ def explain(
         drive(state)
     while state.asks() and state.round():
         pass
-    main, state.misses = len(state.current.placed), 0
-    while main and not limits.quick and state.asks() and state.round(small=True):
+    state.misses = 0
+    while state.current.placed and not limits.quick and state.asks() and state.refine():
         pass
     final = state.current = state.simplified()
     return Explanation(
-        state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
+        state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
         state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
     )  # fmt: skip

@@ -26,7 +26,7 @@ class Trial:
     innovations, with what is nearer to the priors, and its standard error. share, place: largest share of the missing
     force that it takes away (of all that is not predicted, where it is no force), and the degree of freedom where.
     errors: (stretches,) squared innovations left. places:
-    ``effect@site`` of what is kept.
+    ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for it.
     """
 
     option: Option
@@ -38,6 +38,7 @@ class Trial:
     place: int
     errors: np.ndarray
     places: tuple[str, ...] = ()
+    hidden: bool = False
 
     @property
     def sure(self) -> float:
@@ -67,6 +68,9 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     tried = sorted((t for t in tried if t), key=lambda t: -t.gain)
     likely = [t for t in tried if t.p < P_ALARM and t.gain > 0 and t.share > floor]
     good = [t for t in likely if t.sure > 0]
+    # What pulls unknowns from their priors is what fits best, not whatever brings them back.
+    best = next((t for t in tried if t.p < P_ALARM and t.sure > 0), None)
+    good = [t for t in good if not t.hidden or lag(regression, best, t) < TIED]
     if not good:
         return Round(None, (), tuple(tried))
     behind = [(t, lag(regression, good[0], t)) for t in good]
@@ -134,12 +138,13 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
     relief = regression.tension(now) - regression.tension(found)
     # Where the smoother leaves next to no force, what shows in the readings is all of it, and not many times it.
-    share = 1.0 if relief > better.sum() and relief > 0 else min(float(taken[place]), 1.0)
+    hidden = relief > better.sum() and relief > 0
+    share = 1.0 if hidden else min(float(taken[place]), 1.0)
     if all(_is_no_force(regression, i) for i in option.members):
         share = max(share, float(better.sum() / errors.sum()))
     error = float(better.std() * np.sqrt(len(better)))
     places = places_of(regression, found)
-    return Trial(option, found, p, float(better.sum()) + relief, error, share, place, left, places)
+    return Trial(option, found, p, float(better.sum()) + relief, error, share, place, left, places, bool(hidden))
 
 
 def _is_no_force(regression: Regression, member: int) -> bool:
