@@ -31,6 +31,7 @@ def align(search, late: Sequence[Way]) -> None:
         fits += [_with(search, way, known) for way in ways if len(way) > 1]
     fits = [fit for fit in fits if fit.converged]
     fits = [search.pruned(fit, missing) for fit in fits]
+    search.weak = set()
     fits = [fit for fit in fits if fit.converged and fit.loss() < search.naive.loss()]
     search.track.steps = steps  # no other question goes unasked because this one came first
     search.dropped = {own.name for way in late for own in way if own.effect.name in LATE} if fits else set()
@@ -59,7 +60,7 @@ def drive(search) -> None:
     zero is wrong, and one kind of physics alone goes wrong at each joint: the compound is refitted whatever its columns
     say, but where another does more than twice as much.
     """
-    tried, lacks_much, steps = search.open(False), far(search, search.missing), search.track.steps
+    tried, lacks_much, steps = search.open(), far(search, search.missing), search.track.steps
     if not ((search.coupled or lacks_much) and any(c.effect.name in DRIVE for c in tried)):
         return
     alone = lacks_much and search.coupled  # nothing else has a say: its columns are no tangents
@@ -88,7 +89,7 @@ def drive(search) -> None:
         search.rounds.append(replace(found, chosen=trial))
         search.failed.add(trial.option.name)
     else:
-        search.dropped.clear()
+        search.weak.clear()
         search.parts.clear()
     search.track.steps = steps  # no other question goes unasked because this one came first
 

@@ -29,7 +29,7 @@ from fimpact.smoothing.track import Track
 @dataclass(frozen=True)
 class Explanation:
     """What was found: the naive fit, the final one, which of its effects are small refinements, rounds, alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
-    columns of all that was asked, but for refinements, beside the final fit."""
+    columns of all that was asked beside the final fit."""
 
     naive: Smoothed
     final: Smoothed
@@ -66,6 +66,7 @@ class Search:
         self.failed: set[str] = set()
         self.parts: set[str] = set()  # of whole drives
         self.slight: set[str] = set()  # small refinements
+        self.weak: set[str] = set()  # worth nothing beside what is in
         self.misses, self.tries = 0, 0
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self.first: tuple[Regression, Round] | None = None
@@ -83,13 +84,13 @@ class Search:
         self.stopped = self.limits.over
         return self.spent < BUDGET and not self.stopped
 
-    def open(self, refining: bool | None = None) -> list[Candidate]:
-        """Candidates that are not in; refining: only those that refine what is, or only the others."""
-        names = {p.name for p in self.current.placed} | self.dropped
-        left = [c for c in self.candidates if c.name not in names and not self._is_sum(c)]
-        return [c for c in left if refining in (None, self._refines(c))]
+    def open(self) -> list[Candidate]:
+        """Candidates that are not in."""
+        names = {p.name for p in self.current.placed} | self.dropped | self.weak
+        return [c for c in self.candidates if c.name not in names and not self._is_sum(c)]
 
     def _refines(self, candidate: Candidate) -> bool:
+        """Whether it is a refinement of what is in."""
         families = {p.effect.name for p in self.current.placed}
         return bool(set(candidate.effect.refines) & families) and self._has_its_family(candidate)
 
@@ -114,11 +115,11 @@ class Search:
                 return regression, found
 
     def beside(self) -> Regression:
-        """Columns of all that may be asked, but for refinements, beside what is in."""
+        """Columns of all that may be asked beside what is in."""
         if self.asked is not None and self.asked.smoothed is self.current:
             return self.asked
         steps = self.track.steps
-        found = Regression(self.current, columns(self.current, self.open(False), self._simulated))
+        found = Regression(self.current, columns(self.current, self.open(), self._simulated))
         self.track.steps = steps
         return found
 
@@ -130,25 +131,24 @@ class Search:
     def round(self) -> bool:
         """Choose and refit; False where nothing qualifies.
 
-        First what takes a share of all that was missing, but for refinements; then whatever takes most of what is left
-        at a place; then what may stand in the place of something else.
+        First what takes a share of all that was missing; then what takes one of what is left beside it, where that is
+        little; then what may stand in the place of something else.
         """
         regression, found = self._asked_anew()
-        if found.chosen is None and self.current.placed:
-            rest, later = self.searched(self.open(), self.left(), MOST)
+        if found.chosen is not None:
+            return self.chose(regression, found, self.missing, SHARE)
+        if self.current.placed and not self.limits.quick:
+            rest, later = self.searched(self.open(), self.left(), REFINES)
             if later.chosen is not None:
-                return self.chose(rest, later, self.left())
-        if found.chosen is None:
-            self.rounds += [] if self.tries > 1 or self.rounds else [found]
-            return self.exchanged(regression, self.offered(self.open(False)))
-        return self.chose(regression, found, self.missing)
+                return self.chose(rest, later, self.left(), REFINES)
+        self.rounds += [] if self.tries > 1 or self.rounds else [found]
+        return self.exchanged(regression, self.offered(self.open()))
 
     def _asked_anew(self) -> tuple[Regression, Round]:
-        tried = self.open(False)
         if self.first and self.first[0].smoothed is self.current:
             regression, found = self.first
         else:
-            regression, found = self.searched(tried, self.missing, SHARE)
+            regression, found = self.searched(self.open(), self.missing, SHARE)
         self.first, self.asked = None, regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
@@ -158,22 +158,14 @@ class Search:
         )
         return regression, found
 
-    def refine(self) -> bool:
-        """Put in a small refinement of what is in, worth a share of what is left; False where nothing qualifies."""
-        tried, before = self.open(True), {p.name for p in self.current.placed}
-        if not tried:
-            return False
-        missing = self.left()
-        regression, found = self.searched(tried, missing, REFINES)
-        if found.chosen is None or not self.chose(regression, found, missing, small=True):
-            return False
-        now = {p.name for p in self.current.placed}
-        if before <= now:  # else it stands in the place of what was in
-            self.slight |= now - before
-        return True
+    def chose(self, regression: Regression, found: Round, missing: np.ndarray, floor: float) -> bool:
+        """Refit with what a round chose; False where too many refits in a row have not converged.
 
-    def chose(self, regression: Regression, found: Round, missing: np.ndarray, small: bool = False) -> bool:
-        """Refit with what a round chose; False where too many refits in a row have not converged."""
+        Args:
+            missing: squared force, (nv,), of which each effect must bear the share `floor`.
+        """
+        small = floor == REFINES and found.chosen.share < MOST
+        small = small and all(self._refines(regression.columns.candidates[i]) for i in found.chosen.option.members)
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
@@ -181,14 +173,17 @@ class Search:
         best = best if small else self._among_rivals(regression, found, best)
         if chosen.option.compound:
             self.parts |= {law.name for law in best.placed} - known
-        best = self.pruned(best, missing, small)
+        weak, self.weak = self.weak, set()
+        best = self.pruned(best, missing, floor)
         self.failed.add(chosen.option.name)
         if not best.converged:
-            self.alternatives, self.misses = others, self.misses + 1
+            self.alternatives, self.misses, self.weak = others, self.misses + 1, weak
             return self.misses < MISSES
         self.current, self.misses = best, 0
         self.rounds.append(found)
         added = tuple(p for p in best.placed if p.name not in known)
+        if small and known <= {p.name for p in best.placed}:  # else it stands in the place of what was in
+            self.slight |= {p.name for p in added}
         self.alternatives += [replace(a, placed=(*a.placed, *added)) for a in others]
         return True
 
@@ -271,23 +266,27 @@ class Search:
         ]
         return fits[first]
 
-    def pruned(self, fit: Smoothed, missing: np.ndarray, small: bool = False) -> Smoothed:
+    def pruned(self, fit: Smoothed, missing: np.ndarray, floor: float = SHARE) -> Smoothed:
         """The fit without what is worth nothing, one refit for all of it.
 
         Args:
-            missing: squared force, (nv,), of which each must bear its share. small: what was in before stays.
+            missing: squared force, (nv,), of which each must bear the share `floor`; where that is of what is left,
+                what was in before stays.
         """
-        held = len(self.current.placed) if small else 0
+        small = floor == REFINES
+        before = {law.name for law in self.current.placed} if small else set()
         while fit.converged:
             regression = Regression(fit, columns(fit, []))
             parts = [i for i, law in enumerate(fit.placed) if law.name in self.parts and not small]
             # What a drive's parts bear is counted beside one another: one of them may take nearly all that was missing.
             bars = {i: (self.left(fit), REFINES) for i in parts}
-            bar = missing, REFINES if small else SHARE
-            kept = [i for i in range(len(fit.placed)) if i < held or _bears(regression, i, *bars.get(i, bar))]
+            kept = [
+                i for i, law in enumerate(fit.placed)
+                if law.name in before or _bears(regression, i, *bars.get(i, (missing, floor)))
+            ]  # fmt: skip
             if len(kept) == len(fit.placed):
                 return fit
-            self.dropped |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
+            self.weak |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
             placed, priors = tuple(fit.placed[i] for i in kept), tuple(fit.priors[i] for i in kept)
             fit = smooth(self.track, self.begun, self.noise, placed, priors, fit, progress=self.progress)
         return fit
@@ -320,8 +319,8 @@ def explain(
     track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
     limits: Limits | None = None, late: Sequence[Way] = (),
 ) -> Explanation:  # fmt: skip
-    """Find what is missing: classes of physics first, then single odd effects, then small refinements of both, as far
-    as `limits` go.
+    """Find what is missing: classes of physics and single odd effects, and small refinements of both, as far as
+    `limits` go.
 
     Args:
         late: how late all motors may be, as the readings show it before anything else is known.
@@ -334,9 +333,6 @@ def explain(
     if state.asks():
         drive(state)
     while state.asks() and state.round():
-        pass
-    state.misses = 0
-    while state.current.placed and not limits.quick and state.asks() and state.refine():
         pass
     final = state.current = state.simplified()
     return Explanation(
