@@ -176,7 +176,8 @@ class Search:
         weak, self.weak = self.weak, set()
         best = self.pruned(best, missing, floor)
         self.failed.add(chosen.option.name)
-        if not best.converged:
+        spread = regression.dispersion
+        if not best.converged or best.loss(spread) > self.current.loss(spread):
             self.alternatives, self.misses, self.weak = others, self.misses + 1, weak
             return self.misses < MISSES
         self.current, self.misses = best, 0
