@@ -167,11 +167,13 @@ class Search:
         small = floor == REFINES and found.chosen.share < MOST
         small = small and all(self._refines(regression.columns.candidates[i]) for i in found.chosen.option.members)
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
+        steps = self.track.steps
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
         best = self.refitted(regression, whole(self, chosen, regression))
         best = best if small else self._among_rivals(regression, found, best)
         if chosen.option.compound:
+            self.track.steps = steps  # no other question goes unasked because this one came first
             self.parts |= {law.name for law in best.placed} - known
         weak, self.weak = self.weak, set()
         best = self.pruned(best, missing, floor)
