@@ -24,7 +24,7 @@ STRETCHES = 10  # least number of stretches from which a spread is estimated
 BELIEF = 2.0  # standard errors that a gain is beyond nothing, and prior ones that a size is believed (METHOD 5, 6)
 CONFIDENCE = 0.95  # of intervals
 RIVALS = 4  # refitted beside the best in a round: each costs as much as the best
-MISSES = 2  # refits in a row that do not converge: what could be told of the rest is told
+MISSES = 4  # refits in a row that do not converge or fit no better: what could be told of the rest is told
 BUDGET = 400.0  # simulations of all samples: what is not found by then is told as what is left
 TYPICAL = 0.5  # of the prior sd of such parts, where it is least: there a compound begins
 

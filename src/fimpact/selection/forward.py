@@ -98,13 +98,19 @@ class Search:
         """Whether it is what is in already and a constant: it holds that, and has no shape of its own."""
         return bool(held_by(candidate.effect, candidate.site, self.current.placed)) and not candidate.shapes
 
+    def _is_second_gear(self, tried: Sequence[Candidate], option: Option, out: int = -1) -> bool:
+        """Whether an option of `tried` puts a gear that gives where another does, but for the effect number `out`."""
+        held = {p.site for i, p in enumerate(self.current.placed) if p.effect.enters == "gear" and i != out}
+        return any(tried[i].effect.enters == "gear" and tried[i].site in held for i in option.members)
+
     def _has_its_family(self, candidate: Candidate) -> bool:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
         return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
 
     def searched(self, tried: list[Candidate], missing: np.ndarray, floor: float) -> tuple[Regression, Round]:
         """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""
-        steps, offered = self.track.steps, self.offered(tried)
+        steps = self.track.steps
+        offered = [option for option in self.offered(tried) if not self._is_second_gear(tried, option)]
         while True:
             regression = Regression(self.current, columns(self.current, tried, self._simulated))
             found = search(regression, offered, missing, floor)
@@ -202,11 +208,13 @@ class Search:
         """
         if self.coupled:
             return False
-        others, spread = exchanges(regression, offered), regression.dispersion
+        tried, spread = regression.columns.candidates, regression.dispersion
+        others = [e for e in exchanges(regression, offered) if not self._is_second_gear(tried, e.option, e.place)]
         for other in [e for e in others if e.weight > np.exp(-TIED) and e.sure][:RIVALS]:
             fit = self.refitted(regression, other, other.place)
             fewer = len(fit.numbers) < len(self.current.numbers)
-            if fit.converged and fit.loss(spread) < self.current.loss(spread) + (TIED if fewer else -TIED):
+            likelier = fit.loss(spread) < self.current.loss(spread) + (TIED if fewer else -TIED)
+            if fit.converged and likelier and self._all_bear(fit, {tried[i].name for i in other.option.members}):
                 self.progress(f"selecting: {other.option.name} in place of {self.current.placed[other.place].name}")
                 self.current, self.alternatives = fit, []
                 return True
@@ -219,10 +227,18 @@ class Search:
                 self.alternatives.append(Alternative(own, theta, min(other.weight, 1.0)))
         return False
 
+    def _all_bear(self, fit: Smoothed, names: set[str]) -> bool:
+        """Whether each of `names` bears its share, in `fit`, of what was missing or of what is left."""
+        regression = Regression(fit, columns(fit, []))
+        own = [i for i, law in enumerate(fit.placed) if law.name in names]
+        bars = (self.missing, SHARE), (self.left(fit), REFINES)
+        return all(any(_bears(regression, i, *bar) for bar in bars) for i in own)
+
     def refitted(self, regression: Regression, trial: Trial | Exchange, out: int = -1) -> Smoothed:
         """The fit with the members of `trial`, begun where the regression has them, without the effect number `out`."""
         own, known, theta = self.begun_with(regression, trial, out)
-        return smooth(self.track, self.begun, self.noise, own, known, self.current, theta, self.progress)
+        bar = self.current.loss() if out < 0 else np.inf
+        return smooth(self.track, self.begun, self.noise, own, known, self.current, theta, self.progress, bar=bar)
 
     def begun_with(
         self, regression: Regression, trial: Trial | Exchange, out: int = -1

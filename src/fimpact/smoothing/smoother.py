@@ -27,6 +27,7 @@ from fimpact.smoothing.track import Track
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
 FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much as a reading's noise
 SHRINKS = 0.7  # of the last step: a next one that is longer does not converge by itself
+HOPELESS = 4  # rounds in a row that fit worse than a fit has to
 INNER = 4  # updates of the noise levels between two linearisations
 
 
@@ -84,13 +85,15 @@ def smooth(
     rounds: int = ROUNDS,
     frozen: bool = False,
     patience: int | None = None,
+    bar: float = np.inf,
 ) -> Smoothed:
     """Estimate trajectory, missing force, numbers and noise levels together.
 
     Args:
         begun: states to begin with, (N,). noise: sd of the readings, (ny,). placed: effects that are added; priors: sd
             of their amplitudes. like: an earlier result of the same track to begin with. theta: unknowns to begin with.
-        frozen: the numbers stay as they are. patience: rounds that fit worse than an earlier one, after which the fit
+        frozen: the numbers stay as they are. bar: loss that the fit must beat; where it has been above it for some
+            rounds, it ends, and has not converged. patience: rounds that fit worse than an earlier one, after which the fit
             ends with that one; None: it goes on, and ends with the last.
     """
     theta = theta if theta is not None else track.simulator.theta if like is None else like.theta
@@ -104,7 +107,7 @@ def smooth(
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
-    best, lost = (np.inf,), 0
+    best, lost, hopeless = (np.inf,), 0, 0
     for k in range(rounds + len(anneal)):
         rough = k < len(anneal)
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
@@ -156,6 +159,9 @@ def smooth(
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
         levels = in_modes(track, states, tau, levels)
         if converged:
+            break
+        hopeless = hopeless + 1 if found.fit + found.cost > bar and k >= len(anneal) else 0
+        if hopeless == HOPELESS:
             break
         if patience and k >= len(anneal):
             loss = found.fit + found.cost
