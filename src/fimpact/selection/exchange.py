@@ -47,10 +47,13 @@ def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchang
     now, errors = regression.evidence(present), regression.errors(present)
     singles = [Option(NOTHING, 0, ()), *(option for option in offered if len(option.members) == 1)]
     best: dict[tuple[int, str], Exchange] = {}
+    added = {option.members: own for option, _, own in _beside(regression, present.kept, singles)}
     for place in range(len(regression.smoothed.placed)):
         without = regression.without(place)
         base = [i for i, n in enumerate(regression.smoothed.numbers) if n.place != place]
         for option, columns, evidence in _beside(without, base, singles):
+            if option.members and evidence < added.get(option.members, -np.inf):
+                continue  # it does no other's work: beside what is in it is likelier
             weight = float(np.exp(min(evidence - now, 700.0)))
             known = best.get((place, option.name))
             if weight > max(UNLIKELY, known.weight if known else 0.0) or not option.members:

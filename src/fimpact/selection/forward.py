@@ -213,8 +213,7 @@ class Search:
         for other in [e for e in others if e.weight > np.exp(-TIED) and e.sure][:RIVALS]:
             fit = self.refitted(regression, other, other.place)
             fewer = len(fit.numbers) < len(self.current.numbers)
-            likelier = fit.loss(spread) < self.current.loss(spread) + (TIED if fewer else -TIED)
-            if fit.converged and likelier and self._all_bear(fit, {tried[i].name for i in other.option.members}):
+            if fit.converged and fit.loss(spread) < self.current.loss(spread) + (TIED if fewer else -TIED):
                 self.progress(f"selecting: {other.option.name} in place of {self.current.placed[other.place].name}")
                 self.current, self.alternatives = fit, []
                 return True
@@ -226,13 +225,6 @@ class Search:
             if frozenset(p.name for p in own) not in known:
                 self.alternatives.append(Alternative(own, theta, min(other.weight, 1.0)))
         return False
-
-    def _all_bear(self, fit: Smoothed, names: set[str]) -> bool:
-        """Whether each of `names` bears its share, in `fit`, of what was missing or of what is left."""
-        regression = Regression(fit, columns(fit, []))
-        own = [i for i, law in enumerate(fit.placed) if law.name in names]
-        bars = (self.missing, SHARE), (self.left(fit), REFINES)
-        return all(any(_bears(regression, i, *bar) for bar in bars) for i in own)
 
     def refitted(self, regression: Regression, trial: Trial | Exchange, out: int = -1) -> Smoothed:
         """The fit with the members of `trial`, begun where the regression has them, without the effect number `out`."""
