@@ -41,13 +41,19 @@ class Alternative:
     weight: float
 
 
-def exchanges(regression: Regression, offered: Sequence[Option]) -> list[Exchange]:
-    """What is as likely in place of an effect that is in, nothing too, likeliest first, one choice of shapes a name."""
+def exchanges(
+    regression: Regression, offered: Sequence[Option], beside: Sequence[Option] | None = None
+) -> list[Exchange]:
+    """What is as likely in place of an effect that is in, nothing too, likeliest first, one choice of shapes a name.
+
+    Args:
+        beside: what may stand beside all that is in, default: all of `offered`.
+    """
     present = regression.solve(range(regression.p))
     now, errors = regression.evidence(present), regression.errors(present)
     singles = [Option(NOTHING, 0, ()), *(option for option in offered if len(option.members) == 1)]
     best: dict[tuple[int, str], Exchange] = {}
-    added = {option.members: own for option, _, own in _beside(regression, present.kept, singles)}
+    added = {option.members: own for option, _, own in _beside(regression, present.kept, offered if beside is None else beside)}
     for place in range(len(regression.smoothed.placed)):
         without = regression.without(place)
         base = [i for i, n in enumerate(regression.smoothed.numbers) if n.place != place]

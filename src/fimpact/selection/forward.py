@@ -209,7 +209,9 @@ class Search:
         if self.coupled:
             return False
         tried, spread = regression.columns.candidates, regression.dispersion
-        others = [e for e in exchanges(regression, offered) if not self._is_second_gear(tried, e.option, e.place)]
+        beside = [option for option in offered if not self._is_second_gear(tried, option)]
+        others = exchanges(regression, offered, beside)
+        others = [e for e in others if not self._is_second_gear(tried, e.option, e.place)]
         for other in [e for e in others if e.weight > np.exp(-TIED) and e.sure][:RIVALS]:
             fit = self.refitted(regression, other, other.place)
             fewer = len(fit.numbers) < len(self.current.numbers)
