@@ -76,7 +76,7 @@ def drive(search) -> None:
             search.failed.add(trial.option.name)  # its kinds and places are asked one by one
         return
     search.progress(f"selecting: {trial.option.name}, {trial.share:.0%} of the force missing at one place")
-    best = _alike(search, search.refitted(regression, whole(search, trial, regression)))
+    best = _alike(search, refitted_whole(search, regression, trial))
     before = {law.name for law in search.current.placed}
     search.parts = {law.name for law in best.placed} - before
     best = search.pruned(best, search.missing)
@@ -103,9 +103,13 @@ def far(search, missing: np.ndarray) -> bool:
     return any(own > LOUD * most for own, most in zip(lost, given, strict=True))
 
 
-def whole(search, trial: Trial, regression: Regression) -> Trial:
-    """`trial`, and under servos what its compound has left out, at typical sizes."""
-    return at_typical_sizes(regression, trial) if trial.option.compound else trial
+def refitted_whole(search, regression: Regression, trial: Trial) -> Smoothed:
+    """The fit with `trial`: with all of a compound, begun at typical sizes where the regression has less of them, and
+    where that does not converge with what the regression has of it."""
+    if not trial.option.compound:
+        return search.refitted(regression, trial)
+    fit = search.refitted(regression, at_typical_sizes(regression, trial))
+    return fit if fit.converged or search.coupled else search.refitted(regression, trial)
 
 
 def _alike(search, fit: Smoothed) -> Smoothed:

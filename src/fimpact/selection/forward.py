@@ -9,7 +9,7 @@ from fimpact.deciding import BUDGET, MISSES, MOST, P_ALARM, REFINES, RIVALS, SHA
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import has_servos
 from fimpact.selection.begin import begun, held_by, with_held
-from fimpact.selection.drives import align, drive, whole
+from fimpact.selection.drives import align, drive, refitted_whole
 from fimpact.selection.exchange import Alternative, Exchange, exchanges
 from fimpact.selection.leftover import Leftover, leftover
 from fimpact.selection.limits import Limits
@@ -176,7 +176,7 @@ class Search:
         steps = self.track.steps
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
-        best = self.refitted(regression, whole(self, chosen, regression))
+        best = refitted_whole(self, regression, chosen)
         best = best if small else self._among_rivals(regression, found, best)
         if chosen.option.compound:
             self.track.steps = steps  # no other question goes unasked because this one came first
