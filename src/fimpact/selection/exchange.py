@@ -53,7 +53,8 @@ def exchanges(
     now, errors = regression.evidence(present), regression.errors(present)
     singles = [Option(NOTHING, 0, ()), *(option for option in offered if len(option.members) == 1)]
     best: dict[tuple[int, str], Exchange] = {}
-    added = {option.members: own for option, _, own in _beside(regression, present.kept, offered if beside is None else beside)}
+    together = _beside(regression, present.kept, offered if beside is None else beside)
+    added = {option.members: evidence for option, _, evidence in together}
     for place in range(len(regression.smoothed.placed)):
         without = regression.without(place)
         base = [i for i, n in enumerate(regression.smoothed.numbers) if n.place != place]

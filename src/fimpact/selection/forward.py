@@ -28,8 +28,9 @@ from fimpact.smoothing.track import Track
 
 @dataclass(frozen=True)
 class Explanation:
-    """What was found: the naive fit, the final one, which of its effects are small refinements, rounds, alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
-    columns of all that was asked beside the final fit."""
+    """What was found: the naive fit, the final one, which of its effects are small refinements, rounds, alternatives,
+    the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the columns of all
+    that was asked beside the final fit."""
 
     naive: Smoothed
     final: Smoothed
@@ -349,6 +350,6 @@ def explain(
         pass
     final = state.current = state.simplified()
     return Explanation(
-        state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
-        state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
+        state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint,
+        state.scales, state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
     )  # fmt: skip

@@ -93,8 +93,8 @@ def smooth(
         begun: states to begin with, (N,). noise: sd of the readings, (ny,). placed: effects that are added; priors: sd
             of their amplitudes. like: an earlier result of the same track to begin with. theta: unknowns to begin with.
         frozen: the numbers stay as they are. bar: loss that the fit must beat; where it has been above it for some
-            rounds, it ends, and has not converged. patience: rounds that fit worse than an earlier one, after which the fit
-            ends with that one; None: it goes on, and ends with the last.
+            rounds, it ends, and has not converged. patience: rounds that fit worse than an earlier one, after which the
+            fit ends with that one; None: it goes on, and ends with the last.
     """
     theta = theta if theta is not None else track.simulator.theta if like is None else like.theta
     fixed = parameters(track.simulator, theta, placed, priors)
