@@ -98,5 +98,5 @@ def _unpacked(arrays: dict[str, np.ndarray], xml: str, folder: Path) -> Recordin
 
 
 def _run(arrays: dict[str, np.ndarray], i: int, row: dict) -> Run:
-    start = {name: arrays.get(f"{i}/{name}") for name in START}
-    return Run(row["name"], arrays[f"{i}/ctrl"], arrays[f"{i}/measured"], row["held_out"], **start)
+    qpos, qvel = (arrays.get(f"{i}/{name}") for name in START)
+    return Run(row["name"], arrays[f"{i}/ctrl"], arrays[f"{i}/measured"], row["held_out"], qpos, qvel)

@@ -113,5 +113,5 @@ def summary(entered: pd.DataFrame) -> list[str]:
     lines = []
     for tool, own in entered.groupby("tool", sort=True):
         shares = (f"{name} {own[name].astype(float).mean():.2f}" for name in ("precision", "recall"))
-        lines.append(f"{tool or 'a tool'}: {len(own)} cases, {', '.join(shares)}")
+        lines.append(f"{str(tool) or 'a tool'}: {len(own)} cases, {', '.join(shares)}")
     return lines

@@ -141,8 +141,9 @@ def _signs(name: str) -> tuple[float, ...]:
 def _look(stage, choice, forms, target) -> None:
     """Unfit if these two will hardly make twins."""
     (name, site), (rival, place) = choice
-    own = glance(stage, name, site, known(name), *forms[0], target)
-    others = (glance(stage, rival, place, known(rival), forms[1][0], sign, target) for sign in _signs(rival))
+    (shape, own_sign), (rival_shape, *_) = forms
+    own = glance(stage, name, site, known(name), shape, own_sign, target)
+    others = (glance(stage, rival, place, known(rival), rival_shape, sign, target) for sign in _signs(rival))
     if not any(_twins(stage, own, other) for other in others):
         raise Unfit("the recordings would tell the twins apart")
 
@@ -163,7 +164,8 @@ def _rival(rng, stage, choice, shape, own: Trace) -> tuple[Planted, float, float
         other = fit_size(stage, name, site, known(name), shape, sign, seen(stage, own).size[0])
         if not _twins(stage, own, other):
             continue
-        both = (trace(everything, *at, t.size, t.values) for at, t in zip(choice, (own, other), strict=True))
+        pairs = zip(choice, (own, other), strict=True)
+        both = (trace(everything, effect, at, t.size, t.values) for (effect, at), t in pairs)
         shown = seen(everything, *both).left(0, 1)
         if _indistinct(*shown) and best_split(stage, choice, [own, other], rng) >= SPLIT:
             return planted(stage, site, other, name), *shown

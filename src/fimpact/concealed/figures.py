@@ -37,7 +37,9 @@ def held_out(cases: pd.DataFrame, stem: Path | str) -> None:
         figure, axes = plt.subplots(len(systems), 1, figsize=(WIDTH, 2.3 * len(systems)), squeeze=False)
         for ax, (system, part) in zip(axes[:, 0], systems, strict=True):
             _strips(ax, part)
-            ax.set_title(f"{_words(system)}: {_cases(len(part))} with an effect; one mark per case, bars at the median")
+            ax.set_title(
+                f"{_words(str(system))}: {_cases(len(part))} with an effect; one mark per case, bars at the median"
+            )
         axes[-1, 0].set_xlabel("held-out error (standard deviations of the noise)")
         write(figure, stem)
 
@@ -60,8 +62,14 @@ def _strips(ax: Axes, part: pd.DataFrame) -> None:
         width = 1.0 if marker == "|" else 0.0
         ax.plot(values, spread, marker, color=colour, alpha=0.6, markersize=4, markeredgewidth=width)
         ax.plot([values.median()] * 2, [place - 0.36, place + 0.36], color="black", linewidth=2)
-        note = {"xycoords": ("axes fraction", "data"), "ha": "left", "va": "center", "annotation_clip": False}
-        ax.annotate(f"{values.median():.3g}", (1.02, place), **note)
+        ax.annotate(
+            f"{values.median():.3g}",
+            (1.02, place),
+            xycoords=("axes fraction", "data"),
+            ha="left",
+            va="center",
+            annotation_clip=False,
+        )
     ax.set_yticks(range(len(ERRORS)), [label for label, _, _ in ERRORS.values()])
     ax.set_ylim(len(ERRORS) - 0.5, -0.5)
     low, high = ax.get_xlim()
@@ -137,7 +145,7 @@ def _against_size(ax: Axes, planted: pd.DataFrame) -> None:
 
 def _against_depth(ax: Axes, visible: pd.DataFrame) -> None:
     counts, labels = [], []
-    place = pd.cut(visible.kappa, DEPTHS, include_lowest=True)
+    place = pd.cut(visible.kappa, DEPTHS.tolist(), include_lowest=True)
     for interval, part in visible.groupby(place, observed=True):
         counts.append((int(part.detected.sum()), len(part)))
         labels.append(f"{max(interval.left, 0):g} to\n{interval.right:g}\n({len(part)})")

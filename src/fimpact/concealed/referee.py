@@ -8,6 +8,8 @@ from fimpact.concealed.draw import draw_case
 from fimpact.concealed.plan import Case
 from fimpact.concealed.rows import Arrays, Report, each, runs_of
 from fimpact.concealed.seal import robot, write_case
+from fimpact.concealed.truth import Truth
+from fimpact.recordings import Recording
 
 DRAWS, SAME, APART, FURTHER = 6, 2, 1_000_003, 97  # draws that find no fit: other seeds, then other effects as well
 
@@ -24,7 +26,7 @@ def conceal(cases: Sequence[Case], settings: dict, recordings: Path, sealed: Pat
     return list(each(by_name, work, report, strict=True))
 
 
-def _draw(case: Case, settings: dict):
+def _draw(case: Case, settings: dict) -> tuple[Recording, Truth]:
     spans = {kind: tuple(pair) for kind, pair in settings["lambda"].items()}
     for attempt in range(DRAWS):
         try:
@@ -39,7 +41,7 @@ def reveal(sealed: Path, commands: Arrays, chosen: Collection[str], report: Repo
     """What the sealed robots measure under `commands`, (case/way/ctrl, qpos, qvel) -> case/way/ctrl as logged and
     case/way/measured: of all twins
     and of the `chosen` cases. Which are played tells what is a twin, when all is diagnosed already."""
-    out = {}
+    out: Arrays = {}
     for place, run in runs_of(commands).items():
         case, _, way = place.partition("/")
         asked = robot(sealed, case)

@@ -73,6 +73,7 @@ class Trace:
 def set_stage(rig: Rig, motion: Motion, errors, start, correlation: float, raised: float) -> Stage:
     """Tangents of the unplanted robot, and a disturbance that raises the residual's variance by `raised`."""
     tangent = _unplanted(rig, motion, errors, start)
+    assert tangent.push is not None  # `_unplanted` asks for it
     sd = float(np.sqrt(raised / loudness(rig, tangent, coloured(rig, tangent.push, correlation))))
     noise = noise_of(rig, tangent.push, sd, correlation)
     return Stage(rig, motion, errors, start, tangent, noise, sd, correlation)
@@ -82,6 +83,7 @@ def whole(stage: Stage) -> Stage:
     """The same robot with all of its motions for training, those that are held out as well."""
     motion = replace(stage.motion, held_out=np.zeros_like(stage.motion.held_out))
     tangent = _unplanted(stage.rig, motion, stage.errors, stage.start)
+    assert tangent.push is not None  # `_unplanted` asks for it
     noise = noise_of(stage.rig, tangent.push, stage.disturbance, stage.correlation)
     return replace(stage, motion=motion, tangent=tangent, noise=noise)
 

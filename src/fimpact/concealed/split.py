@@ -31,6 +31,7 @@ def best_split(stage: Stage, places: list[tuple[str, str]], traces: list[Trace],
     tried = replace(stage, motion=motion, start=motion.start)
     shown = [planted_windows(tried, *at, own.values) for at, own in zip(places, traces, strict=True)]
     windows, tangent = shown[0][0], tangents(stage.rig, stage.errors, shown[0][0], pushed=True)
+    assert tangent.push is not None  # of `pushed` tangents
     noise = noise_of(stage.rig, tangent.push, stage.disturbance, stage.correlation)
     recorded = stage.noise, np.concatenate([own.change for own in traces], 2)
     further = noise, np.concatenate([change for *_, change in shown], 2)
@@ -71,4 +72,5 @@ def _joined(old: Tangents, new: Tangents, at: np.ndarray) -> Tangents:
     clock = np.zeros((len(old.clock) + at.sum(), old.clock.shape[1], old.clock.shape[2] + 1))
     clock[: len(old.clock), :, :-1], clock[len(old.clock) :, :, -1:] = old.clock, new.clock[at].sum(2, keepdims=True)
     parts = ((old.opens, new.opens), (old.start, new.start), (old.unknown, new.unknown))
-    return Tangents(*(np.concatenate([one, other[at]]) for one, other in parts), clock)
+    opens, start, unknown = (np.concatenate([one, other[at]]) for one, other in parts)
+    return Tangents(opens, start, unknown, clock)

@@ -27,20 +27,20 @@ hush()
 class World:
     """What is simulated, before it is compiled.
 
-    spec: the mechanism. hooks: each makes, from (model, data) of one run, a function called before every step.
-    commands: each maps commands per step (runs, N, nu) and the step in s to those that reach the motors.
-    senses: each maps samples (runs, T, ny) to what the instruments report. delays: of each channel, s.
-    drift: how much faster the recorder's clock is read than true time, s/s. shafts: joints that were added between
-    motors and links. settled: springy joints that were added and begin where they hold what they carry.
+    spec: the mechanism. delays: of each channel, s, (ny,). hooks: each makes, from (model, data) of one run, a function
+    called before every step. commands: each maps commands per step (runs, N, nu) and the step in s to those that reach
+    the motors. senses: each maps samples (runs, T, ny) to what the instruments report. drift: how much
+    faster the recorder's clock is read than true time, s/s. shafts: joints that were added between motors and links.
+    settled: springy joints that were added and begin where they hold what they carry.
     """
 
     rig: Rig
     spec: mujoco.MjSpec
     steps: int
+    delays: np.ndarray
     hooks: list[Callable] = field(default_factory=list)
     commands: list[Callable] = field(default_factory=list)
     senses: list[Callable] = field(default_factory=list)
-    delays: np.ndarray | None = None
     drift: float = 0.0
     shafts: list[str] = field(default_factory=list)
     settled: list[str] = field(default_factory=list)
@@ -78,7 +78,7 @@ def new_world(rig: Rig, errors: np.ndarray, fine: bool) -> World:
     for joint in spec.joints:
         if joint.frictionloss:
             sharpen(joint, spec.option.timestep)
-    return World(rig, spec, steps, delays=np.zeros(len(rig.channels)))
+    return World(rig, spec, steps, np.zeros(len(rig.channels)))
 
 
 def sharpen(joint, step: float) -> None:

@@ -106,7 +106,7 @@ def diagnose(
     members = _members(found, answer)
     missing = answer != NONE
     words = verdict(effects, [m.name for m in members[1:]], missing, left["sentence"] if missing else "", notes)
-    rivals = {p.name for own in (found.final, *found.alternatives) for p in own.placed}
+    rivals = {p.name for own in (found.final.placed, *(a.placed for a in found.alternatives)) for p in own}
     unshown = () if brief or found.asked is None else not_shown(recording, found.asked(), rivals)
     return Diagnosis(
         recording, prepared, found, naive, best, members, effects, rows, proof, left, tuple(notes), answer, words,

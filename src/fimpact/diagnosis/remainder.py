@@ -49,7 +49,7 @@ def remainder(prepared: Prepared, found: Explanation, proof: Proof | None, brief
     unnamed = not found.final.placed and (left.dof is not None or (_stands_out(proof) and share > LOUD))
     said = []
     if left.dof is not None:
-        what = FOLLOWS.get(left.follows, f"a force that follows its {left.follows}")
+        what = FOLLOWS.get(left.follows or "", f"a force that follows its {left.follows}")
         place = rows[left.dof]["joint"]
         said.append(f"Left without a name at {place}: {what} ({left.share:.0%} of what was missing there).")
     if share > LOUD and (found.final.placed or unnamed):

@@ -177,6 +177,11 @@ class Signal:
         return list(range(len(names))) if site == "all" else [names.index(site)]
 
 
+def unstated(scales: Scales, model: mujoco.MjModel, site: str) -> Values:
+    """The prior of amplitudes of which no handbook says how large they are: `Effect` puts its own in its place."""
+    return {}
+
+
 @dataclass(frozen=True)
 class Effect:
     """One entry of the catalogue.
@@ -193,8 +198,8 @@ class Effect:
     contains: names of effects that are special cases of this one.
     touching: it acts only while something touches: a property of the contact, or of the ground.
     prior: of (scales, model, site) -> standard deviation of each amplitude (all parameters that are not `shape`) there,
-        as data sheets and handbooks give it; of one whose neutral value is infinite, its typical size. None: what the
-        probes are small beside. prior_source: whence.
+        as data sheets and handbooks give it; of one whose neutral value is infinite, its typical size. `unstated`:
+        what the probes are small beside. prior_source: whence.
     order: place in the order in which an engineer suspects, which decides ties: RIGID_BODIES first.
     refines: names of effects of which this is a small refinement.
     least: of (scales, model, site) -> sizes of amplitudes that every rig has and no expert would call missing: what is
@@ -219,7 +224,7 @@ class Effect:
     linear: bool = True
     contains: tuple[str, ...] = ()
     touching: bool = False
-    prior: Callable[[Scales, mujoco.MjModel, str], Values] | None = None
+    prior: Callable[[Scales, mujoco.MjModel, str], Values] = unstated
     prior_source: str = "the natural scale of the recording"
     order: int = ENVIRONMENT
     refines: tuple[str, ...] = ()
@@ -227,7 +232,7 @@ class Effect:
     side_by_side: bool = False
 
     def __post_init__(self):
-        if self.prior is None:
+        if self.prior is unstated:
             object.__setattr__(self, "prior", self._beside_probes)
 
     def _beside_probes(self, scales: Scales, model: mujoco.MjModel, site: str) -> Values:

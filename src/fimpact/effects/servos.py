@@ -35,11 +35,12 @@ def servo_kv(model, site, change):
 def deadband(state: State, site, width):
     """What the servo gives less because it counts its error from the edge of a band around the target."""
     joint, drive = position_servo(state, site)
-    (dof, position, speed), stiffness = state.joint(joint), -drive.bias[1]
+    (dof, position, speed), bias = state.joint(joint), np.asarray(drive.bias)
+    stiffness = -bias[1]
     target = within(state.ctrl[:, drive.index], drive.least, drive.most)
-    error = (drive.gain * target + drive.bias[0]) / stiffness - drive.gear * position
+    error = (drive.gain * target + bias[0]) / stiffness - drive.gear * position
     felt = np.sign(error) * np.maximum(np.abs(error) - width / 2, 0.0)
-    braking = drive.bias[2] * drive.gear * speed
+    braking = bias[2] * drive.gear * speed
     given, asked = (within(stiffness * own + braking, drive.low, drive.high) for own in (felt, error))
     return state.on_joint(dof, drive.gear * (given - asked))
 

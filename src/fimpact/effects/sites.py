@@ -138,7 +138,8 @@ def grounds(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     if not can_touch(model):
         return []
     fixed = np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & (model.geom_type != MESH))
-    return [model.geom(i).name for i in fixed if model.geom(i).name and (pairs_of(model, i) or partners(model, i))]
+    named = [int(i) for i in fixed if model.geom(i).name]
+    return [model.geom(i).name for i in named if pairs_of(model, i) or partners(model, i)]
 
 
 def contacts(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
@@ -221,7 +222,7 @@ def measured_by(channels: Sequence[str], site: str) -> list[int]:
 def drives(model: mujoco.MjModel, joint: str) -> list[int]:
     """Actuators of `actuators` on `joint`."""
     target = (model.actuator_trntype == ON_JOINT) & (model.actuator_trnid[:, 0] == model.joint(joint).id)
-    return [int(i) for i in np.flatnonzero(target) if _affine(model, i)]
+    return [i for i in map(int, np.flatnonzero(target)) if _affine(model, i)]
 
 
 def can_touch(model: mujoco.MjModel) -> bool:
@@ -250,7 +251,7 @@ def round_geoms(model: mujoco.MjModel, body: int) -> list[int]:
     if not can_touch(model):
         return []
     own = np.flatnonzero((model.geom_bodyid == body) & np.isin(model.geom_type, ROUND))
-    return [int(i) for i in own if pairs_of(model, i) or partners(model, i)]
+    return [i for i in map(int, own) if pairs_of(model, i) or partners(model, i)]
 
 
 def _fed_back(model, actuator: str) -> tuple[bool, bool]:
@@ -265,7 +266,7 @@ def _flies(model, joint) -> bool:
     body = model.joint(joint.id).bodyid[0]
     own = np.flatnonzero(model.jnt_bodyid == body)
     pushed = np.isin(own, model.actuator_trnid[model.actuator_trntype == ON_JOINT, 0])
-    return np.count_nonzero(model.jnt_type[own] == SLIDE) > 1 and not pushed.any()
+    return bool(np.count_nonzero(model.jnt_type[own] == SLIDE) > 1 and not pushed.any())
 
 
 def _before(model, joint: str, among: list[str]) -> str:

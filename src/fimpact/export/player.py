@@ -3,6 +3,8 @@
 Only numpy and mujoco may be used here: what is exported must run where fimpact is not installed.
 """
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 
@@ -11,7 +13,13 @@ from fimpact.effects.gears import coupled, encoders
 from fimpact.simulation.inputs import FINER
 
 # Each law comes with the name of its site and its values.
-EDITS, FORCES, FRICTIONS, GEARS, COMMANDS, MEASUREMENTS = [], [], [], [], [], []
+Laws = list[tuple[Callable, str, dict[str, float]]]
+EDITS: Laws = []
+FORCES: Laws = []
+FRICTIONS: Laws = []
+GEARS: Laws = []
+COMMANDS: Laws = []
+MEASUREMENTS: Laws = []
 PERIOD = 0.0
 PAST = 0  # rows of commands that actuators with a lag remember
 STATEFUL = ()  # (index, number of states) of the actuators whose states are given

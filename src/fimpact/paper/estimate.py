@@ -144,7 +144,7 @@ def _polish(campaign: Campaign, start: np.ndarray, settings: dict, linearise=_qu
         )
     except ValueError:  # scipy refuses a residual that is not finite: this start cannot be simulated
         return None
-    return fit if np.isfinite(fit.jac).all() else None
+    return fit if np.isfinite(np.asarray(fit.jac)).all() else None
 
 
 def _cost(fit: OptimizeResult) -> float:

@@ -61,7 +61,8 @@ def contact_free(task: Task, rho: np.ndarray, count: int) -> np.ndarray:
     """
     middle = np.mean(task.system.inputs.bounds, 0)
     rho = rho[forecaster(task.system).forecast(rho, np.tile(middle, (len(rho), 1))).first > 0]
-    kept, share = [], 1.0
+    kept: list[np.ndarray] = []
+    share = 1.0
     while len(kept) < count:
         if share < LEAST or not len(rho):
             raise ValueError(
@@ -83,7 +84,7 @@ def run_identifiability(config: dict, system: str) -> str:
     task = first_task(config, made, rho, stream(made, 0, "identifiability"), sure=True)
     chosen = fisher(task).design
     campaign = Campaign(made, made.template, (truth.run(made, made.nominal, chosen, 0.0),), rho, made.settings["prior"])
-    report = identifiability(information(campaign, rho), [p.name for p in made.parameters], campaign.prior_sd)
+    report = identifiability(information(campaign, rho), tuple(p.name for p in made.parameters), campaign.prior_sd)
     lines = [
         f"- eigenvalue {value:.3g}: {words}" for value, words in zip(report.eigenvalues, report.verdict, strict=True)
     ]

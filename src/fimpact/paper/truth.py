@@ -20,7 +20,7 @@ class Recording:
     contact_steps: int
 
 
-def run(system: System, theta: np.ndarray, design: np.ndarray, noise: np.ndarray) -> Recording:
+def run(system: System, theta: np.ndarray, design: np.ndarray, noise: np.ndarray | float) -> Recording:
     """Run `design` on the robot with parameters `theta`.
 
     Args:

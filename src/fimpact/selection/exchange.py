@@ -71,10 +71,11 @@ def _beside(
     """Each option that has no forbidden sign beside the numbers `base`, its columns, and its evidence."""
     found = regression.solve(base)
     known, rest = regression.evidence(found), np.arange(regression.p, regression.gram.shape[1])
+    held = np.array(base, int)
     whole = regression.gram.sum(0) / regression.dispersion + np.diag(regression.weight)
     right = regression.right.sum(0) / regression.dispersion + regression.pull
-    across = whole[np.ix_(rest, base)]
-    inner = whole[np.ix_(rest, rest)] - across @ inverse(whole[np.ix_(base, base)]) @ across.T
+    across = whole[np.ix_(rest, held)]
+    inner = whole[np.ix_(rest, rest)] - across @ inverse(whole[np.ix_(held, held)]) @ across.T
     left = right[rest] - across @ found.values
     for option in offered:
         own = [i for member in option.members for i in regression.columns.of(member)]

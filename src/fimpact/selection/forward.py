@@ -214,6 +214,7 @@ class Search:
 
     def _among_rivals(self, regression: Regression, found: Round, best: Smoothed) -> Smoothed:
         """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
+        assert found.chosen is not None
         # The compound stands for many kinds, which are told apart by what they predict; others are by refits.
         rivals = [] if found.chosen.option.compound else found.rivals
         tried, fits = rivals[:RIVALS], [best]
@@ -227,16 +228,16 @@ class Search:
         as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
         orders = [found.chosen.option.order, *(trial.option.order for trial, _ in tried)]
         first = min(as_good, key=lambda i: (len(fits[i].numbers), orders[i], i))
-        found = [(fit.placed, fit.theta, w) for fit, w in zip(fits, weights, strict=True)]
+        answers = [(fit.placed, fit.theta, w) for fit, w in zip(fits, weights, strict=True)]
         # Where there was no refit, or none that converged, stands what the regression says.
         told = weights[0] if np.isfinite(losses[0]) else weights[first]
         for i, (trial, weight) in enumerate(rivals, 1):
             if i >= len(fits) or not np.isfinite(losses[i]):
                 own, _, theta = self.begun_with(regression, trial)
-                found[i : i + 1] = [(own, theta, weight * told)]
+                answers[i : i + 1] = [(own, theta, weight * told)]
         self.alternatives = [
             Alternative(placed, theta, float(w / weights[first]))
-            for i, (placed, theta, w) in enumerate(found)
+            for i, (placed, theta, w) in enumerate(answers)
             if i != first and w > UNLIKELY * weights[first]
         ]
         return fits[first]

@@ -100,7 +100,11 @@ def _on_joint(model: mujoco.MjModel, motor: int) -> bool:
 
 def _smooth(fit: Smoothed, dof: int, what: str, values: np.ndarray, times: np.ndarray) -> Candidate | None:
     """Hat functions of what is followed, each as large as the force that is left; None where it does not change."""
-    knots = np.unique(values) if what.endswith("contact") else np.linspace(*np.quantile(values, [0.01, 0.99]), KNOTS)
+    if what.endswith("contact"):
+        knots = np.unique(values)
+    else:
+        low, high = np.quantile(values, [0.01, 0.99])
+        knots = np.linspace(low, high, KNOTS)
     size = float(np.sqrt(np.mean(fit.tau[:, dof] ** 2)))
     if not (np.diff(knots) > 0).all() or len(knots) < 2 or not size > 0:
         return None

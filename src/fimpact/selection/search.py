@@ -63,8 +63,8 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     """
     now = regression.proper(range(regression.p))
     errors, forces = regression.errors(now), regression.forces_left(now)
-    tried = [attempt(regression, now, errors, forces, missing, option) for option in offered]
-    tried = sorted((t for t in tried if t), key=lambda t: -t.gain)
+    found = [attempt(regression, now, errors, forces, missing, option) for option in offered]
+    tried = sorted((t for t in found if t), key=lambda t: -t.gain)
     likely = [t for t in tried if t.p < P_ALARM and t.gain > 0 and t.share > floor]
     good = [t for t in likely if t.sure > 0]
     if not good:

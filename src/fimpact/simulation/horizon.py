@@ -100,7 +100,7 @@ def predict_windows(
 def states_of(fit: Fit, simulator: Simulator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The refined states at the start of each window: qpos, qvel and act."""
     given = fit.given
-    return tuple(_moved(simulator.base, (given.qpos, given.qvel, given.act), fit.change))
+    return _moved(simulator.base, (given.qpos, given.qvel, given.act), fit.change)
 
 
 @DIVERGED
@@ -161,7 +161,7 @@ def _filled(fit: Fit, part: Fit, rows: np.ndarray) -> Fit:
     own = {name: np.array(getattr(fit, name)) for name in ("change", "slopes", "left", "predicted")}
     for name, values in own.items():
         values[rows] = getattr(part, name)
-    return replace(fit, **own)
+    return replace(fit, windows=fit.windows, given=fit.given, **own)
 
 
 def _simulated(fit: Fit, simulator: Simulator, hypothesis: Hypothesis, change: np.ndarray) -> Fit:
@@ -243,16 +243,18 @@ def _cost(left: np.ndarray, change: np.ndarray) -> np.ndarray:
     return np.nan_to_num((left**2).sum(1) + (change**2).sum(1), nan=np.inf, posinf=np.inf)
 
 
-def _moved(model: mujoco.MjModel, states: Sequence[np.ndarray], change: np.ndarray) -> list[np.ndarray]:
+def _moved(
+    model: mujoco.MjModel, states: Sequence[np.ndarray], change: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """qpos, qvel and act moved by a `change` in the tangent space, (w, 2 nv + na)."""
     qpos, qvel, act = states
     position, speed, own = np.split(change, [model.nv, 2 * model.nv], 1)
     if model.nq == model.nv:
-        return [qpos + position, qvel + speed, act + own]
+        return qpos + position, qvel + speed, act + own
     qpos = np.array(qpos)
     for row, step in zip(qpos, position, strict=True):
         mujoco.mj_integratePos(model, row, step, 1.0)
-    return [qpos, qvel + speed, act + own]
+    return qpos, qvel + speed, act + own
 
 
 @DIVERGED

@@ -92,7 +92,8 @@ class Simulator:
         self._data = [mujoco.MjData(self.base) for _ in range(count)]
         self._scratch = mujoco.MjData(self.base)
         self._size = mujoco.mj_stateSize(self.base, FULL)
-        self._pool, self._last = ModelPool(), (None, self.base)
+        self._pool = ModelPool()
+        self._last: tuple[tuple[bytes, str, str] | None, mujoco.MjModel] = None, self.base
 
     @cached_property
     def theta(self) -> np.ndarray:
@@ -198,7 +199,8 @@ class Simulator:
         return sensed
 
     def _step_by_step(self, model, added: AddedForces, copies: list, drive: Drive, state: np.ndarray) -> np.ndarray:
-        (w, steps), before, memory = drive.mean.shape[:2], state, {}
+        (w, steps), before = drive.mean.shape[:2], state
+        memory: dict[object, object] = {}
         sensed, after = np.empty((steps, w, 1, model.nsensordata)), np.empty((w, 1, self._size))
         models = copies or [model] * w
         for k in range(steps):
@@ -241,7 +243,8 @@ class Simulator:
     def _unpack(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         base = self.base
         ends = np.cumsum([1, base.nq, base.nv, base.na])
-        return tuple(state[..., a:b] for a, b in pairwise(ends))
+        qpos, qvel, act = (state[..., a:b] for a, b in pairwise(ends))
+        return qpos, qvel, act
 
 
 @lru_cache(maxsize=2)  # a large model takes longer to compile than to copy

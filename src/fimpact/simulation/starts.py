@@ -43,8 +43,8 @@ class Shown:
 
 def shown_by(model: mujoco.MjModel, channel: str) -> Shown | None:
     """Tell what `channel` shows of the state; None: nothing directly, as a gyroscope or a force sensor."""
-    name, _, part = channel.removesuffix("]").partition("[")
-    sensor, part = model.sensor(name), int(part or 0)
+    name, _, inside = channel.removesuffix("]").partition("[")
+    sensor, part = model.sensor(name), int(inside or 0)
     kind, owner = int(sensor.type[0]), int(sensor.objid[0])
     if kind in (JOINTPOS, JOINTVEL, BALLQUAT):
         q, v = int(model.jnt_qposadr[owner]), int(model.jnt_dofadr[owner])
@@ -105,7 +105,7 @@ def _channels(model: mujoco.MjModel, recording: Recording, run: Run) -> list[tup
 
 def _quaternions(shown: list[tuple[Shown, int]]) -> dict[Shown, list[int]]:
     """The columns of all four components, by what the first of them shows."""
-    groups = defaultdict(dict)
+    groups: defaultdict[int, dict[int, tuple[Shown, int]]] = defaultdict(dict)
     for channel, column in shown:
         if channel.kind == "quaternion":
             groups[channel.qpos][channel.part] = channel, column
@@ -184,7 +184,7 @@ def noise_level(recording: Recording) -> np.ndarray:
         ValueError: a channel never changes, so that nothing can be told.
     """
     level = np.array(recording.noise, float)
-    for column in np.flatnonzero(~np.isfinite(level)):
+    for column in map(int, np.flatnonzero(~np.isfinite(level))):
         signals = _signals(recording, column)
         coarse = _quantum(signals) / np.sqrt(12)
         level[column] = coarse if _only_coarse(signals) else max(_rough(signals), coarse)

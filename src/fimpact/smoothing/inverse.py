@@ -63,7 +63,7 @@ class Inverse:
     def _begin(self, track: Track, qpos: np.ndarray, qvel: np.ndarray, qacc: np.ndarray) -> None:
         self.track, self.model = track, track.model
         self.qpos, self.qvel, self.qacc = qpos, qvel, qacc
-        self._regressors: dict[int, np.ndarray] = {}
+        self._regressors: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def change(self, after: mujoco.MjModel, before: mujoco.MjModel, told: np.ndarray) -> np.ndarray | None:
         """The force, (N, nv), that acts more on the motion under `after` than under `before`, or None where an edit is
@@ -232,7 +232,7 @@ class Inverse:
         """What motors whose torque is their command give more; None where one is no such motor."""
         out = np.zeros_like(self.qvel)
         changed = [(getattr(after, n) != getattr(before, n)).reshape(after.nu, -1).any(1) for n in OF_MOTORS]
-        for motor in np.flatnonzero(np.any(changed, axis=0)):
+        for motor in map(int, np.flatnonzero(np.any(changed, axis=0))):
             if not is_plain(before, motor) or self._feels_motors:
                 return None
             dof = before.jnt_dofadr[before.actuator_trnid[motor, 0]]
@@ -279,9 +279,9 @@ def _gravity(model: mujoco.MjModel) -> np.ndarray:
 
 def _inertial_parameters(model: mujoco.MjModel, body: int) -> np.ndarray:
     """Mass, first moments and moments of inertia about the body's origin, (10,), in its axes."""
-    axes, mass, centre = np.empty(9), model.body_mass[body], model.body_ipos[body]
-    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
-    axes = axes.reshape(3, 3)
+    turned, mass, centre = np.empty(9), model.body_mass[body], model.body_ipos[body]
+    mujoco.mju_quat2Mat(turned, model.body_iquat[body])
+    axes = turned.reshape(3, 3)
     full = axes * model.body_inertia[body] @ axes.T
     full = full + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     return np.array([mass, *(mass * centre), *np.diag(full), full[0, 1], full[0, 2], full[1, 2]])

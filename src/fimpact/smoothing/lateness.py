@@ -80,8 +80,8 @@ def _latest(track: Track, misfit: Callable, effect: Effect, site: str) -> Way:
         return (Placed(effect, site, {LATE[effect.name]: float(time)}),)
 
     best = times[np.argmin([misfit(way(time), FEW) for time in times])]
-    bounds, few = (max(best - half, half), best + half), {"maxiter": 6}
-    near = minimize_scalar(lambda time: misfit(way(time)), bounds=bounds, method="bounded", options=few)
+    bounds = (max(best - half, half), best + half)
+    near = minimize_scalar(lambda time: misfit(way(time)), bounds=bounds, method="bounded", options={"maxiter": 6})
     return way(near.x)
 
 
@@ -89,7 +89,7 @@ def _softer(track: Track, misfit: Callable, late: Way) -> Way:
     """The same and a common change of all servos' gains, as far as it is believed, both where they leave least."""
     (effect,) = (effect for effect in OF_SERVOS if effect.name == "servo_kp")
     sites, period = effect.sites(track.model, track.recording.channels), track.period
-    (name, time), most = *late[0].values.items(), BELIEF * effect.prior(None, track.model, "")["change"]
+    (name, time), most = *late[0].values.items(), BELIEF * effect.prior(None, track.model, "")["change"]  # type: ignore[arg-type]
     begin = np.array([time, 0.0])
 
     def way(at: np.ndarray) -> Way:
@@ -98,7 +98,9 @@ def _softer(track: Track, misfit: Callable, late: Way) -> Way:
 
     simplex = begin + np.array([[0.0, 0.0], [-period / 4, 0.0], [0.0, -most / 2]])
     bounds, own = [(0.0, None), (-most, most)], {"initial_simplex": simplex, "maxfev": 25, "xatol": 1e-3, "fatol": 1e-2}
-    return way(minimize(lambda at: misfit(way(at), FEW), begin, method="Nelder-Mead", bounds=bounds, options=own).x)
+    # The stubs of scipy do not know these options.
+    found = minimize(lambda at: misfit(way(at), FEW), begin, method="Nelder-Mead", bounds=bounds, options=own)  # type: ignore[call-overload]
+    return way(found.x)
 
 
 class _Misfit:
@@ -121,7 +123,7 @@ class _Misfit:
             now = rows + ahead
             states = track.ahead(models, states, plant.ctrl[now], plant.force[now]).after
             missed.append(track.read(models[0], states, plant.ctrl[now + 1]) - track.measured[now + 1])
-        missed = np.concatenate(missed) if len(rows) else np.empty((0, len(self.noise)))
-        known = ~track.late & np.isfinite(missed).any(0)
-        seen = np.log(np.nanmean(missed[:, known] ** 2, 0) + self.noise[known] ** 2) if known.any() else np.zeros(1)
+        left = np.concatenate(missed) if len(rows) else np.empty((0, len(self.noise)))
+        known = ~track.late & np.isfinite(left).any(0)
+        seen = np.log(np.nanmean(left[:, known] ** 2, 0) + self.noise[known] ** 2) if known.any() else np.zeros(1)
         return float(np.nan_to_num(seen.mean(), nan=np.inf))

@@ -4,7 +4,7 @@ A law with a memory is carried along each run from its start. Dry friction is ta
 is known to some standard deviation only.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -155,14 +155,16 @@ def _forces(track: "Track", laws: Sequence[Placed], states: States, tau: np.ndar
 def _carried(track: "Track", laws: Sequence[Placed], seen: State) -> list[np.ndarray]:
     """Force, (N, nv), of each of `laws`, one effect at one site, as they remember each run from its start."""
     (law, *_), rows, values = laws, track.pieces[0], _values(track, laws)
-    out, memory = np.zeros((len(laws) * len(rows), rows.shape[1], track.model.nv)), {}
+    out = np.zeros((len(laws) * len(rows), rows.shape[1], track.model.nv))
+    memory: dict[object, object] = {}
     for k, now in enumerate(np.tile(rows, (len(laws), 1)).T[: _needed(track)]):
-        parts = (part[now] for part in (seen.qpos, seen.qvel, seen.ctrl, seen.time))
-        out[:, k] = law.effect.law(State(track.model, *parts, track.period, memory, {}), law.site, **values)
+        qpos, qvel, ctrl, time = (part[now] for part in (seen.qpos, seen.qvel, seen.ctrl, seen.time))
+        here = State(track.model, qpos, qvel, ctrl, time, track.period, memory, {})
+        out[:, k] = law.effect.law(here, law.site, **values)
     return [track.gathered(own) for own in np.split(out, len(laws))]
 
 
-def _groups(track: "Track", laws: Sequence[Placed], kinds: dict[int, object]) -> list[list[int]]:
+def _groups(track: "Track", laws: Sequence[Placed], kinds: Mapping[int, object]) -> list[list[int]]:
     """Laws that may pass side by side: of one effect and one of `kinds`, by index, and neutral in the same values."""
     groups: dict[object, list[int]] = {}
     for i, kind in kinds.items():
@@ -174,7 +176,7 @@ def _groups(track: "Track", laws: Sequence[Placed], kinds: dict[int, object]) ->
     return [group[a : a + most] for group in groups.values() for a in range(0, len(group), most)]
 
 
-def _values(track: "Track", laws: Sequence[Placed]) -> dict[str, np.ndarray | float]:
+def _values(track: "Track", laws: Sequence[Placed]) -> Mapping[str, np.ndarray | float]:
     """Values of laws of one effect, as of one or for each row of their pieces, (n,)."""
     if len(laws) == 1:
         return laws[0].values
@@ -219,7 +221,8 @@ def _gears(track: "Track", laws: Sequence[Placed], states: States) -> list[tuple
 
     What drives them does not depend on what they remember: it is found for all samples at once.
     """
-    model, shafts, found = track.model, {}, [None] * len(laws)
+    model, shafts = track.model, {}
+    found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     seen = State(model, states.qpos, states.qvel, track.ctrl[:, 0], track.time, track.period, {}, {})
     rate = (track.next(states).qvel - states.qvel) / track.period
     for site in dict.fromkeys(law.site for law in laws):
@@ -236,7 +239,7 @@ def _gears(track: "Track", laws: Sequence[Placed], states: States) -> list[tuple
             for mine, lead in zip(encoders(model, laws[i].site), ahead, strict=True):
                 read[:, np.isin(track.simulator.columns, mine)] = lead[:, None]
             found[i] = force, read
-    return found
+    return [found[i] for i in range(len(laws))]
 
 
 def _turned(track: "Track", laws: Sequence[Placed], shafts: Sequence[Shaft]) -> list[np.ndarray]:
@@ -252,31 +255,33 @@ def _turned(track: "Track", laws: Sequence[Placed], shafts: Sequence[Shaft]) -> 
 
 def _abreast(shafts: Sequence[Shaft], rows: np.ndarray) -> Iterator[Shaft]:
     """One shaft after the other of all `shafts` side by side, on each of the `rows` (pieces, n)."""
-    (first, *more), count, memory = shafts, len(rows), {}
+    (first, *more), count = shafts, len(rows)
+    memory: dict[object, object] = {}
     torque, speed = (np.concatenate([getattr(own, name)[rows.T] for own in shafts], 1) for name in ("torque", "speed"))
     rotor = np.repeat([own.rotor for own in shafts], count) if more else first.rotor
-    servos = iter(_servos([own.servo for own in shafts], rows)) if first.servo else None
+    own_servos = [own.servo for own in shafts if isinstance(own.servo, Ahead)]
+    servos = _servos(own_servos, rows) if own_servos else None
     for k in range(rows.shape[1]):
         yield Shaft(torque[k], speed[k], rotor, first.step, memory, next(servos) if servos else None)
 
 
 def _servos(servos: Sequence[Ahead], rows: np.ndarray) -> Iterator[Ahead]:
     """One motor after the other of all `servos` side by side, on each of the `rows` (pieces, n)."""
-    most = max(len(own.force) for own in servos)
+    widest = max(len(own.force) for own in servos)
 
     def padded(name: str, fill: float) -> list[np.ndarray]:
         # Where another joint has more actuators, ours has some that give nothing.
         parts = [getattr(own, name) for own in servos]
-        missing = [[(0, 0)] * (part.ndim - 2) + [(0, most - part.shape[-2]), (0, 0)] for part in parts]
+        missing = [[(0, 0)] * (part.ndim - 2) + [(0, widest - part.shape[-2]), (0, 0)] for part in parts]
         return [np.pad(part, add, constant_values=fill) for part, add in zip(parts, missing, strict=True)]
 
     force, slopes = (np.concatenate([p[..., rows.T] for p in padded(name, 0.0)], -1) for name in ("force", "slopes"))
     held = np.concatenate([own.held[rows.T] for own in servos], 1)
     fills = {"gear": 0.0, "low": -np.inf, "high": np.inf}
-    limits = [np.concatenate([np.repeat(p, len(rows), 1) for p in padded(*fill)], 1) for fill in fills.items()]
-    ends = [np.repeat([getattr(own, name) for own in servos], len(rows)) for name in ("least", "most")]
+    gear, low, high = (np.concatenate([np.repeat(p, len(rows), 1) for p in padded(*fill)], 1) for fill in fills.items())
+    least, most = (np.repeat([getattr(own, name) for own in servos], len(rows)) for name in ("least", "most"))
     for k in range(rows.shape[1]):
-        yield Ahead(force[:, k], slopes[:, :, k], *limits, held[k], *ends)
+        yield Ahead(force[:, k], slopes[:, :, k], gear, low, high, held[k], least, most)
 
 
 def touching(track: "Track", states: States) -> np.ndarray:

@@ -64,12 +64,12 @@ def linearise(
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
     plant = track.plant(placed, theta, states, tau, doubt, sign, surprise)
-    kept = like is not None and like.slopes.hold(plant.model)
-    response = Response(plant, states, tau, like.response.inverse if kept else None)
-    slopes = like.slopes if kept else response.slopes(spread)
+    kept = like if like is not None and like.slopes.hold(plant.model) else None
+    response = Response(plant, states, tau, None if kept is None else kept.response.inverse)
+    slopes = response.slopes(spread) if kept is None else kept.slopes
     changes = {}
     for index, number in enumerate(numbers):
-        known = like.changes.get((number.of, number.name)) if kept and response.long else None
+        known = None if kept is None or not response.long else kept.changes.get((number.of, number.name))
         changes[number.of, number.name] = known or _moved(response, numbers, placed, index, doubt, sign)
     base = response.near if rough else plant.step(states, tau)
     columns = [(c.after + _ahead(slopes, c), -c.readings - _read(slopes, c)) for c in changes.values()]
@@ -108,7 +108,7 @@ def _rubbed(plant: Plant, slopes: Slopes) -> tuple[np.ndarray, np.ndarray, np.nd
     nv = advance.shape[2] - n
     slope = plant.rubbing.slope[:, None]
     half = advance[:, :, n:] * slope / 2
-    rubbed = np.tile(np.eye(n), (len(advance), 1, 1))
+    rubbed: np.ndarray = np.tile(np.eye(n), (len(advance), 1, 1))
     rubbed[:, :, nv : 2 * nv] -= half
     rubbed = np.linalg.inv(rubbed)
     advance[:, :, nv : 2 * nv] += half
@@ -124,7 +124,7 @@ def _starts(track: Track, states: States) -> tuple[np.ndarray, np.ndarray]:
     first, spread = np.zeros((len(rows), track.space.size)), np.tile(wide, (len(rows), 1))
     known = np.isfinite(track.recording.start_sd)
     for i, run in enumerate(track.runs):
-        if run.qpos is not None and run.opens and known.any():
+        if run.qpos is not None and run.qvel is not None and run.opens and known.any():
             own = states[rows[i] : rows[i] + 1]
             believed = States(run.qpos[None], run.qvel[None], own.act)
             first[i, : 2 * nv][known] = track.space.minus(believed, own)[0, : 2 * nv][known]

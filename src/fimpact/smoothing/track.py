@@ -161,6 +161,7 @@ class Track:
             *after, readings = self.simulator.advance(leg, states.qpos, states.qvel, states.act, given, force)
             self.steps += (given.shape[1] if given.ndim == 3 else round(self.period / leg.opt.timestep)) * len(states)
             states, first = States(*after), readings if first is None else first
+        assert first is not None  # a period has at least one leg
         return Step(states, first)
 
     def read(self, model: mujoco.MjModel, states: States, ctrl: Commands) -> np.ndarray:
