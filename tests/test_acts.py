@@ -11,8 +11,8 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed, State
 from fimpact.effects.drives import motor_force
 from fimpact.effects.gears import coupled, encoders
-from fimpact.smoothing import laws as along
-from fimpact.smoothing.laws import acts_of, force_of, reading_of
+from fimpact.smoothing.dynamics import laws as along
+from fimpact.smoothing.dynamics.laws import acts_of, force_of, reading_of
 from fimpact.smoothing.prepare import prepare
 
 # Plain motors on rotors, a servo that saturates beside a motor, and a servo whose rotor the model does not know.

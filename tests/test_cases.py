@@ -31,12 +31,12 @@ from mcap_ros2.writer import Writer
 from pyarrow import parquet
 
 from fimpact.cases import CaseError, inputs, read_case
-from fimpact.cases.model import _name_free_joints
-from fimpact.cases.readers import read_table
-from fimpact.cases.timebase import Series, held, on_grid
+from fimpact.cases.models.naive import _name_free_joints
+from fimpact.cases.readers.files import read_table
+from fimpact.cases.resampling import Series, held, on_grid
 from fimpact.cases.units import factor
 from fimpact.cli import main
-from fimpact.simulation.starts import noise_level
+from fimpact.simulation.state_guess import noise_level
 
 ROOT = Path(__file__).parents[1]
 RECORDINGS = ROOT.parent / "shared" / "recordings"

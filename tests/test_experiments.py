@@ -11,10 +11,19 @@ import pytest
 from diagnosed import rubbing, undecided
 from planted import record
 
-from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed
-from fimpact.experiments.described import MANY, contenders, described, next_experiment, write_experiment
-from fimpact.experiments.design import (
+from fimpact.diagnosis.experiments.design_space import Limits, limits
+from fimpact.diagnosis.experiments.next_experiment import MANY, contenders, described, next_experiment, write_experiment
+from fimpact.diagnosis.experiments.predicted_separation import (
+    MOST,
+    PIECES,
+    Known,
+    _left,
+    fitted_information,
+    separations,
+    unknown_information,
+)
+from fimpact.diagnosis.experiments.resolve import Resolved, remaining, resolve, stated, weigh
+from fimpact.diagnosis.experiments.separating import (
     ENOUGH,
     GENERATIONS,
     NEEDED,
@@ -26,18 +35,9 @@ from fimpact.experiments.design import (
     repeats,
     utility,
 )
-from fimpact.experiments.limits import Limits, limits
-from fimpact.experiments.resolve import Resolved, remaining, resolve, stated, weigh
-from fimpact.experiments.separation import (
-    MOST,
-    PIECES,
-    Known,
-    _left,
-    fitted_information,
-    separations,
-    unknown_information,
-)
-from fimpact.report.experiment import commands
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.report.experiment_picture import commands
 from fimpact.simulation.simulator import Hypothesis, Simulator
 
 FRICTION, NOISE = 0.004, np.full(2, 2e-4)  # N m, rad
@@ -159,7 +159,7 @@ def test_no_piece_of_a_run_alone_separates():
 
 
 def test_the_design_is_no_worse_than_random(monkeypatch):
-    monkeypatch.setattr("fimpact.experiments.design.GENERATIONS", 2)
+    monkeypatch.setattr("fimpact.diagnosis.experiments.separating.GENERATIONS", 2)
     found = discriminate(recording(), known().simulator, known().members, NOISE)
     assert found.separation >= found.random > 0 and len(found.ctrl) == 240
 

@@ -10,7 +10,7 @@ import pytest
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.export.model import Predicted, check_model, improved_spec, write_files, write_model
+from fimpact.export.improved_model import Predicted, check_model, improved_spec, write_files, write_model
 from fimpact.export.replay import Replay
 from fimpact.recordings import Recording, Run, Unknown
 from fimpact.simulation.simulator import Hypothesis, Simulator

@@ -7,13 +7,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from fimpact.diagnosis.identifiability.blind_spots import not_shown
+from fimpact.diagnosis.identifiability.case_check import shown_by_motions
+from fimpact.diagnosis.identifiability.judging import Asked, Judge
+from fimpact.diagnosis.identifiability.proposed_motions import Advisor
+from fimpact.diagnosis.identifiability.quick_look import Sight, look
+from fimpact.diagnosis.identifiability.sentences import UNSEEN, told
 from fimpact.effects import EFFECTS
-from fimpact.identifiability.checked import shown_by_motions
-from fimpact.identifiability.diagnosed import not_shown
-from fimpact.identifiability.judging import Asked, Judge
-from fimpact.identifiability.motions import Advisor
-from fimpact.identifiability.sight import Sight, look
-from fimpact.identifiability.wording import UNSEEN, told
 from fimpact.recordings import Recording, Run, Unknown
 from fimpact.selection.regression import Regression
 from fimpact.smoothing.candidates import candidates

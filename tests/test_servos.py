@@ -10,7 +10,7 @@ from test_export import replayed
 from fimpact.effects import EFFECTS, sites
 from fimpact.effects.base import Placed
 from fimpact.effects.classes import classes
-from fimpact.export.model import Predicted
+from fimpact.export.improved_model import Predicted
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.simulation.windows import cut

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fimpact.comparators.random_features import learn_force
+from fimpact.benchmark.comparators.random_features import learn_force
 from fimpact.deciding import ASTRAY
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
@@ -26,7 +26,7 @@ from fimpact.simulation.horizon import (
 )
 from fimpact.simulation.nonsmooth import make_friction_exact
 from fimpact.simulation.simulator import Hypothesis, Simulator
-from fimpact.simulation.starts import measured_motion, noise_level
+from fimpact.simulation.state_guess import measured_motion, noise_level
 from fimpact.simulation.windows import cut
 
 ROD = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">

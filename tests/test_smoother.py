@@ -15,9 +15,9 @@ from fimpact.selection.regression import Regression
 from fimpact.smoothing import smoother
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import columns, motion_scales
-from fimpact.smoothing.levels import CHANGE, FLIGHT, STANCE
+from fimpact.smoothing.dynamics.response import heavier
+from fimpact.smoothing.noise_levels import CHANGE, FLIGHT, STANCE
 from fimpact.smoothing.prepare import Prepared, prepare
-from fimpact.smoothing.response import heavier
 from fimpact.smoothing.smoother import Smoothed, smooth
 
 MOTOR = '<motor name="motor" joint="pivot"/>'

@@ -173,7 +173,7 @@ def _seconds(text: str) -> float:
 
 def _check(options: argparse.Namespace) -> None:
     from fimpact.cases import read_case
-    from fimpact.identifiability.checked import shown_by_motions
+    from fimpact.diagnosis.identifiability.case_check import shown_by_motions
 
     recording = read_case(options.case, options.data)
     shown = shown_by_motions(recording)
@@ -187,8 +187,8 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _init(options: argparse.Namespace) -> None:
-    from fimpact.cases.first import first_case
-    from fimpact.support.drafts import write_text
+    from fimpact.cases.drafting.first_case import first_case
+    from fimpact.support.atomic_files import write_text
 
     if options.out.exists():
         raise ValueError(f"{options.out} exists; nothing is overwritten; choose another name with -o, or remove it")
@@ -203,7 +203,7 @@ def _init(options: argparse.Namespace) -> None:
 
 def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
     """Before the work: a file can be written there, and is none of `files`, which are read."""
-    from fimpact.support.drafts import check_apart, draft_folder
+    from fimpact.support.atomic_files import check_apart, draft_folder
 
     if out.exists() and not out.is_file():
         raise ValueError(f"{out} is {'a folder' if out.is_dir() else 'no ordinary file'}; name a file with -o")
@@ -219,9 +219,9 @@ def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
+    from fimpact.api.commands.diagnose_recording import diagnose_recording
     from fimpact.api.options import chosen_family
-    from fimpact.commands.diagnose_recording import diagnose_recording
-    from fimpact.selection.limits import Limits
+    from fimpact.selection.search_scope import Limits
 
     only = chosen_family(options.only, "--only")
     limits = Limits(options.quick, only, options.budget or math.inf, time.monotonic())
@@ -231,9 +231,9 @@ def _diagnose(options: argparse.Namespace) -> None:
 
 
 def _fit(options: argparse.Namespace) -> None:
+    from fimpact.api.commands.fit_recording import as_json, fit_recording, in_lines
     from fimpact.cases import inputs
-    from fimpact.commands.fit_recording import as_json, fit_recording, in_lines
-    from fimpact.support.drafts import write_text
+    from fimpact.support.atomic_files import write_text
 
     if options.out:
         own = [path for path in (options.case, options.effects) if path]
@@ -246,7 +246,7 @@ def _fit(options: argparse.Namespace) -> None:
 
 
 def _resolve(options: argparse.Namespace) -> None:
-    from fimpact.commands.resolve_recording import resolve_recording
+    from fimpact.api.commands.resolve_recording import resolve_recording
     from fimpact.effects.base import words
 
     ranked, left = resolve_recording(*_asked(options))
@@ -268,7 +268,7 @@ def _asked(
 
 
 def _teller() -> Callable[[str], None]:
-    from fimpact.commands.telling import Teller
+    from fimpact.api.commands.console import Teller
 
     return Teller()
 
@@ -281,8 +281,8 @@ def _keys(options: argparse.Namespace) -> None:
 
 
 def _make_challenge(options: argparse.Namespace) -> None:
-    from fimpact.concealed.challenge import make
-    from fimpact.concealed.rigs import RIGS
+    from fimpact.benchmark.challenge import make
+    from fimpact.benchmark.rigs.registry import RIGS
 
     rigs = options.rigs.split(",") if options.rigs else list(RIGS)
     count = make(options.seed, options.out, options.cases, rigs, _teller())
@@ -290,7 +290,7 @@ def _make_challenge(options: argparse.Namespace) -> None:
 
 
 def _grade(options: argparse.Namespace) -> None:
-    from fimpact.concealed.challenge import grade_answers, summary
+    from fimpact.benchmark.challenge import grade_answers, summary
 
     graded = grade_answers(options.answers, options.of or options.answers.parent)
     out = options.answers.with_name("entered.csv")
@@ -301,7 +301,7 @@ def _grade(options: argparse.Namespace) -> None:
 def _effects(options: argparse.Namespace) -> None:
     from fimpact.effects import get_effect
     from fimpact.effects.listing import catalogue, described, place_lister
-    from fimpact.effects.own import load_effects
+    from fimpact.effects.plugins import load_effects
 
     if options.effects:
         load_effects(options.effects)

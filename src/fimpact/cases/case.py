@@ -7,18 +7,19 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from fimpact.cases import initial_state as starts
 from fimpact.cases import quaternions
-from fimpact.cases import start as starts
+from fimpact.cases.added_sensors import place_sensors
+from fimpact.cases.case_file import bases, load
 from fimpact.cases.channels import Channel, channels, commands
-from fimpact.cases.checks import check_columns, check_recording, check_rows, check_sources, fewest
-from fimpact.cases.compiling import compiled
+from fimpact.cases.consistency.checks import check_columns, check_recording, check_rows, check_sources, fewest
 from fimpact.cases.errors import CaseError, listed
-from fimpact.cases.load import bases, load
-from fimpact.cases.model import Naive, model_files, read_model
-from fimpact.cases.readers import Table, files_of
+from fimpact.cases.models.compiling import compiled
+from fimpact.cases.models.naive import Naive, model_files, read_model
+from fimpact.cases.raw_runs import file_paths, sources
+from fimpact.cases.readers.columns import Table
+from fimpact.cases.readers.files import files_of
 from fimpact.cases.runs import Sampled, filtered_noise, held_commands, pieces, sample
-from fimpact.cases.sensors import place_sensors
-from fimpact.cases.sources import file_paths, sources
 from fimpact.cases.units import factor
 from fimpact.recordings import FIELDS, Recording, Run, Unknown
 

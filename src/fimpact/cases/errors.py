@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 
-from fimpact.support.complaints import among
+from fimpact.support.schema_errors import among
 
 LONG = 120  # characters of a word that is no path, beyond which its middle is left out
 

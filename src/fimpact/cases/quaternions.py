@@ -6,9 +6,9 @@ from typing import TypeGuard
 import numpy as np
 
 from fimpact.cases.channels import Channel
+from fimpact.cases.enums import BALLQUAT, FRAMEQUAT
 from fimpact.cases.errors import CaseError
-from fimpact.cases.kinds import BALLQUAT, FRAMEQUAT
-from fimpact.cases.timebase import Series
+from fimpact.cases.resampling import Series
 
 OFF = 0.02  # that a quaternion may be longer or shorter than 1, by rounding
 

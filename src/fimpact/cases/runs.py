@@ -9,10 +9,10 @@ from fimpact.cases.angles import unwrapped
 from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
 from fimpact.cases.quaternions import one_sign, whole
-from fimpact.cases.readers import Column
-from fimpact.cases.rows import ordered, refreshed
-from fimpact.cases.sources import Source, find, is_number
-from fimpact.cases.timebase import GAP, HELD, Series, checked_time, held, noise_factor, on_grid, stretches
+from fimpact.cases.raw_runs import Source, find, is_number
+from fimpact.cases.readers.columns import Column
+from fimpact.cases.resampling import GAP, HELD, Series, checked_time, held, noise_factor, on_grid, stretches
+from fimpact.cases.row_order import ordered, refreshed
 from fimpact.cases.units import factor
 
 FEWEST = 8  # samples of a run

@@ -6,20 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from fimpact.diagnosis.findings import NAMELESS, SLIGHT, Finding, findings, parameter_rows
-from fimpact.diagnosis.freed import fit_freed
+from fimpact.diagnosis.freed_model import fit_freed
+from fimpact.diagnosis.held_out import Proof, prove
+from fimpact.diagnosis.identifiability.blind_spots import not_shown
+from fimpact.diagnosis.identifiability.sentences import Told
 from fimpact.diagnosis.notes import notes_on
-from fimpact.diagnosis.proof import Proof, prove
 from fimpact.diagnosis.remainder import missing_rows, picture, remainder
-from fimpact.diagnosis.wording import verdict
+from fimpact.diagnosis.wording.certainty import NAMELESS, SLIGHT, Finding, findings, parameter_rows
+from fimpact.diagnosis.wording.verdict import verdict
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.identifiability.diagnosed import not_shown
-from fimpact.identifiability.wording import Told
 from fimpact.recordings import Recording
 from fimpact.selection.forward import Explanation, explain
-from fimpact.selection.limits import Limits
-from fimpact.selection.search import Round
+from fimpact.selection.one_round import Round
+from fimpact.selection.search_scope import Limits
 from fimpact.simulation.simulator import Hypothesis, Simulator
 from fimpact.smoothing.prepare import Prepared, prepare
 

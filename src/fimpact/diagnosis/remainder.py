@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 
 from fimpact.deciding import LOUD
-from fimpact.diagnosis.proof import Proof
+from fimpact.diagnosis.held_out import Proof
 from fimpact.selection.forward import Explanation
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
 
 FOLLOWS = {
     "time": "a force that follows the time in the run",

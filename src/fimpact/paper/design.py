@@ -20,7 +20,7 @@ from cmaes import CMA
 
 from fimpact.paper.contact_implicit.plan import Plan, planner
 from fimpact.paper.forecast import forecaster
-from fimpact.paper.mjx.information import CRITERIA
+from fimpact.paper.information.fisher import CRITERIA
 from fimpact.paper.systems.base import System
 
 POPULATION = 16

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from fimpact.paper.forecast import forecaster
-from fimpact.paper.mjx.programs import programs
+from fimpact.paper.information.programs import programs
 from fimpact.paper.search import Campaign, Mode, posterior_cost, prior_mode, search
 
 SAME_OPTIMUM = 2.0  # difference in log-likelihood below which two starts count as agreeing

@@ -8,22 +8,22 @@ import numpy as np
 from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import has_servos
-from fimpact.selection.begin import begun, held_by, with_held
-from fimpact.selection.drives import align, drive, whole
-from fimpact.selection.exchange import Alternative, Exchange, exchanges
-from fimpact.selection.leftover import Leftover, leftover
-from fimpact.selection.limits import Limits
+from fimpact.selection.one_round import Round, Trial, search, worth
 from fimpact.selection.options import Option, options
+from fimpact.selection.refit_start import begun, held_by, with_held
 from fimpact.selection.regression import Regression
-from fimpact.selection.search import Round, Trial, search, worth
+from fimpact.selection.search_scope import Limits
+from fimpact.selection.servo_drives import align, drive, whole
+from fimpact.selection.substitutes import Alternative, Exchange, exchanges
+from fimpact.selection.unnamed_rest import Leftover, leftover
 from fimpact.smoothing.candidates import Candidate, candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
-from fimpact.smoothing.lateness import Way
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
-from fimpact.smoothing.simulated import Simulated
+from fimpact.smoothing.servo_lag import Way
+from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from fimpact.simulation.model_pool import ModelPool
 from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
 from fimpact.simulation.servo_steps import held_by_servos
 from fimpact.simulation.windows import Windows
-from fimpact.support.quiet import hush
-from fimpact.support.visuals import without_visuals
+from fimpact.support.mujoco_setup import hush
+from fimpact.support.visual_meshes import without_visuals
 
 CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
 MOST_STEPS = 2_000_000  # simulated at once: what is kept of each takes memory

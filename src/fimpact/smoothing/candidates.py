@@ -8,9 +8,9 @@ import numpy as np
 
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import ON_JOINT
-from fimpact.smoothing.laws import middle
+from fimpact.smoothing.dynamics.laws import middle
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,15 @@ import numpy as np
 
 from fimpact.deciding import LOUDER, NOTHING, ROUNDS, STILL, TIED, TRUST
 from fimpact.effects.base import Placed
-from fimpact.smoothing.filtering import Filtered, variances
-from fimpact.smoothing.levels import Levels, Pace, first_levels, in_modes, moved_by, nearer
-from fimpact.smoothing.linear import Linear, linearise
+from fimpact.smoothing.dynamics.linear import Linear, linearise
+from fimpact.smoothing.dynamics.response import heavier
+from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.filter.by_run import Filtered, variances
+from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, in_modes, moved_by, nearer
 from fimpact.smoothing.parameters import Parameter, parameters, placed_of, theta_of
-from fimpact.smoothing.response import heavier
 from fimpact.smoothing.states import States
 from fimpact.smoothing.step import solve
 from fimpact.smoothing.stretches import stretches
-from fimpact.smoothing.track import Track
 
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
 FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much as a reading's noise

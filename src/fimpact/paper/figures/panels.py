@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from fimpact.paper.figures.curve import curve
 from fimpact.paper.measures import BASELINE, DESIGNED, errors, final, information, information_ratio, touched
 from fimpact.paper.summary import percent, times
-from fimpact.plotting.style import (
+from fimpact.report.plotting.style import (
     METHODS,
     STYLE,
     WIDTH,

@@ -1,0 +1,289 @@
+"""What the benchmark shows: every line of the claim, with its 95 % interval, from `cases.csv` alone.
+
+Proportions have Wilson intervals, medians percentile bootstraps over cases. A line without a case says so, and a bar
+that is missed is called missed.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from fimpact.benchmark.grading.claim_lines import (
+    RESAMPLES,
+    Measure,
+    as_markdown,
+    average,
+    coverage,
+    number,
+    percent,
+    share,
+)
+
+VISIBLE = 30.0  # non-centrality from which an oracle sees an effect
+WORTHWHILE = 0.02  # share of the naive held-out error that the oracle must remove for a share of it to mean anything
+SURE = 0.5  # stated confidence above which a wrong name is confidently wrong
+BINS = 10  # of stated confidence
+CORES = 2  # on which the whole benchmark is timed
+WHOLE = 600  # cases of the whole benchmark: of fewer, its time is extrapolated
+SYSTEMS = {"arm_free": (0.94, 0.97), "arm_contact": (0.92, 0.95), "block": (0.96, 0.98)}
+ROBOTS = {"six_axis": (0.92, 0.95), "six_servo": (0.88, 0.95), "leg": (0.85, 0.95)}
+ODD = 0.05  # worth, as a share of the force at its place, from which an odd effect should be named
+NULL, NONE, UNNAMED = "null", "none", "unnamed"
+FLAGS = (
+    "detected located right partly in_set place_right mode_right both_in_set resolved_designed resolved_random".split()
+)
+
+
+def read_cases(path: Path | str) -> pd.DataFrame:
+    """The table `cases.csv`; its flags are True, False or missing.
+
+    Raises:
+        ValueError: a column is missing, or a flag is neither.
+    """
+    # "null" is a kind of case here, not a missing value.
+    table = pd.read_csv(path, keep_default_na=False, na_values=[""], dtype={"case": str, "size": str})
+    for flag in FLAGS:
+        if flag not in table:
+            raise ValueError(f"{path} has no column {flag}; `snakemake concealed` writes one that has")
+        values = table[flag].astype("string").map({"True": True, "False": False})
+        if (values.isna() & table[flag].notna()).any():
+            raise ValueError(f"{path}: {flag} must be True, False or empty; make the table anew")
+        table[flag] = values.astype(object) if values.isna().any() else values.astype(bool)
+    if "odd_named" in table:
+        table["odd_named"] = table.odd_named.astype("string").map({"True": True, "False": False}).astype(object)
+    return table
+
+
+def measure(cases: pd.DataFrame) -> list[Measure]:
+    """Every line, in the order in which the claim makes them.
+
+    Args:
+        cases: a row per case, as `score` writes them.
+    """
+    return [line for part in PARTS for line in part(cases)]
+
+
+def _of(cases: pd.DataFrame, *kinds: str) -> pd.DataFrame:
+    return cases[cases.kind.isin(kinds)]
+
+
+def _detection(cases: pd.DataFrame) -> list[Measure]:
+    seen = cases[(cases.kind != "null") & (cases["lambda"] >= VISIBLE)]
+    return [
+        share("false alarms where nothing is missing", _of(cases, "null").detected, -1, 0.03, 0.01),
+        share("detected where λ ≥ 30, all kinds", seen.detected, 1, 0.97, 0.99),
+        share("… single effects only", _of(seen, "single").detected),
+    ]
+
+
+def _naming(cases: pd.DataFrame) -> list[Measure]:
+    found = _of(cases, "single")[_of(cases, "single").detected]
+    limits = SYSTEMS | {name: own for name, own in ROBOTS.items() if name in set(cases.system)}
+    lines = [
+        share(f"best name right among the detected, {system}", found[found.system == system].right, 1, *own)
+        for system, own in limits.items()
+    ]
+    size = found.answer_set.str.count(r"\|") + 1
+    return [
+        *lines,
+        share("truth inside the answered set", found.in_set, 1, 0.97, 0.99),
+        average("size of the set, mean", size, np.mean, number(), -1, 2.0, 1.5),
+    ]
+
+
+def _confidence(cases: pd.DataFrame) -> list[Measure]:
+    stated = claims(cases)
+    if stated.empty:
+        return [Measure("expected calibration error", np.nan, np.nan, np.nan, 0, -1, 0.08, 0.04, number(digits=3))]
+    rng, pairs = np.random.default_rng(0), stated.to_numpy(float)
+    drawn = [error_of(pairs[rng.integers(len(pairs), size=len(pairs))]) for _ in range(RESAMPLES // 4)]
+    low, high = np.percentile(drawn, [2.5, 97.5])
+    value = error_of(pairs)
+    return [
+        Measure("expected calibration error", value, low, high, len(pairs), -1, 0.08, 0.04, number(digits=3)),
+        average("… confidence stated, mean", stated.confidence, np.mean, percent),
+        average("… right, mean", stated.right, np.mean, percent),
+    ]
+
+
+def claims(cases: pd.DataFrame) -> pd.DataFrame:
+    """Every answer that named something, with its stated confidence and whether it was right, in all kinds but crowds,
+    whose names are judged one by one."""
+    named = cases[cases.detected & (cases.answer != UNNAMED) & (cases.kind != "crowd")]
+    return named[["confidence", "right"]].dropna().astype(float)
+
+
+def calibration(stated: np.ndarray) -> np.ndarray:
+    """Rows (mean confidence, share right, number) of each bin that is not empty; stated: (n, 2)."""
+    place = np.minimum((stated[:, 0] * BINS).astype(int), BINS - 1)
+    return np.array([[*stated[place == b].mean(0), (place == b).sum()] for b in np.unique(place)])
+
+
+def error_of(stated: np.ndarray) -> float:
+    """Expected calibration error of (confidence, right) pairs, (n, 2)."""
+    table = calibration(stated)
+    return float(np.sum(np.abs(table[:, 0] - table[:, 1]) * table[:, 2]) / len(stated))
+
+
+def _location(cases: pd.DataFrame) -> list[Measure]:
+    found = _of(cases, "single")[_of(cases, "single").detected]
+    return [
+        share("right joint, contact pair, body or channel located", found.located, 1, 0.95, 0.98),
+        share("… by the residual alone, before anything is named", found.place_right),
+        share("right contact mode", found.mode_right, 1, 0.90, 0.95),
+    ]
+
+
+def regained(cases: pd.DataFrame, after: str = "heldout_after") -> pd.Series:
+    """Improvement as a share of the oracle's, where the oracle improves the held-out error by enough to compare."""
+    possible = cases.heldout_before - cases.heldout_oracle
+    enough = possible > WORTHWHILE * cases.heldout_before
+    return ((cases.heldout_before - cases[after]) / possible)[enough]
+
+
+def _improvement(cases: pd.DataFrame) -> list[Measure]:
+    planted = _of(cases, "single", "double", "twin")
+    held = planted.covered.dropna()
+    return [
+        average(
+            "held-out improvement, share of the oracle's, median", regained(planted), np.median, percent, 1, 0.9, 0.97
+        ),
+        coverage("95 % intervals of the effect's parameters hold the truth", held, planted.intervals[held.index]),
+    ]
+
+
+def _several(cases: pd.DataFrame) -> list[Measure]:
+    pairs, outside = _of(cases, "double"), _of(cases, "outside")
+    says = outside.answer_set.str.split("|").map(lambda names: UNNAMED in names).astype(bool)
+    sure = outside.detected & ~says & (outside.confidence > SURE)
+    return [
+        share("two effects, both named", pairs.right, 1, 0.85, 0.92),
+        share("… at least one of them", pairs.partly),
+        share("outside the catalogue: said so", says, 1, 0.85, 0.92),
+        share("… confidently wrong", sure, -1, 0.10, 0.03),
+        share("… nothing said", ~outside.detected.astype(bool)),
+    ]
+
+
+def _crowds(cases: pd.DataFrame) -> list[Measure]:
+    """Nothing where there is no crowd."""
+    crowds = _of(cases, "crowd")
+    if crowds.empty:
+        return []
+    far = crowds.heldout_after / crowds.heldout_oracle
+    return [
+        average("crowd: precision of (kind, place)", crowds.precision, np.mean, percent, 1, 0.90, 0.97),
+        average("… recall of what an oracle tells from zero", crowds.recall, np.mean, percent, 1, 0.85, 0.95),
+        average("… sizes within 20 %", crowds.sizes_right, np.mean, percent),
+        share("… odd effect worth 5 % of the force named", crowds.odd_named[crowds.worth >= ODD], 1, 0.70, 0.90),
+        average("… held-out error over the oracle's, median", far, np.median, number(" ×"), -1, 1.3, 1.1),
+        share("outside the catalogue: said so, and where", _said_where(_of(cases, "outside")), 1, 0.85, 0.92),
+        *(
+            share(f"false alarms where nothing is missing, {system}", own.detected, -1, 0.03, 0.01)
+            for system, own in _of(cases, NULL).groupby("system", sort=True)
+        ),
+    ]
+
+
+def _said_where(outside: pd.DataFrame) -> pd.Series:
+    says = outside.answer_set.str.split("|").map(lambda names: UNNAMED in names)
+    return says[outside.located.notna()].astype(bool) & outside.located.dropna().astype(bool)
+
+
+def _twins(cases: pd.DataFrame) -> list[Measure]:
+    twins, others = _of(cases, "twin"), _of(cases, "single", "double")
+    both = twins.resolved_designed.notna() & twins.resolved_random.notna()
+    gain = twins.resolved_designed[both].astype(float) - twins.resolved_random[both].astype(float)
+    answered = twins.resolved_designed.astype("boolean").fillna(False).astype(bool)
+    return [
+        share("twins: the first answer is the set", twins.both_in_set, 1, 0.90, 0.97),
+        share("… resolved rightly by one designed experiment, of all twins", answered, 1, np.nan, 0.85),
+        share("… of those where an experiment was designed", twins.resolved_designed),
+        share("… by one random experiment of the same limits", twins.resolved_random),
+        average("… designed over random, points", 100 * gain, np.mean, number(digits=0), 1, 20, np.nan),
+        share("other sets: one designed experiment leaves the truth alone", others.resolved_designed),
+        share("… one random experiment of the same limits", others.resolved_random),
+    ]
+
+
+def _export(cases: pd.DataFrame) -> list[Measure]:
+    off = cases.exported.dropna()
+    return [
+        average("exported MJCF against our simulation, 95th percentile", off, _most, percent, -1, 0.02, 0.005),
+        average("… median", off, np.median, percent),
+        share("… within 2 %", off <= 0.02),
+    ]
+
+
+def _most(values, axis=None):
+    return np.percentile(values, 95, axis=axis)
+
+
+def _time(cases: pd.DataFrame) -> list[Measure]:
+    six = cases[cases.system.str.startswith("six")]
+    planar, seconds = cases[~cases.index.isin(six.index)], number(" s", 1)
+    stage = cases.seconds_screening if "seconds_screening" in cases else np.nan * cases.seconds
+    refits = cases.refit_all_seconds - cases.screening_seconds
+    alone, times = refits / cases.screening_seconds, number(" ×", 0)
+    spent = float(np.nansum(cases.filter(regex="^job_").to_numpy(float)))
+    whole = spent / CORES / 60 * max(WHOLE / max(len(cases), 1), 1.0)
+    what = f"whole benchmark, {WHOLE} cases, on 2 cores"
+    return [
+        average("refitting all over screening all, time ratio, median", alone, np.median, times, 1, 20, 100),
+        average("… over all that is done before anything is refitted", refits / stage, np.median, times),
+        average("one planar case, all stages, median", planar.seconds, np.median, seconds, -1, 10, 5),
+        average("… 95th percentile", planar.seconds, _most, seconds),
+        *([average("one case of six joints, median", six.seconds, np.median, seconds, -1, 45, 20)] if len(six) else []),
+        Measure(what, whole, np.nan, np.nan, len(cases), -1, 60, 45, number(" min", 0)),
+    ]
+
+
+PEERS = {
+    "heldout_after": "fimpact",
+    "heldout_sysid": "mujoco.sysid, single start",
+    "heldout_sysid_five": "mujoco.sysid, best of five",
+    "heldout_refit_all": "refit every candidate, BIC",
+    "heldout_blackbox": "black-box residual",
+}
+
+
+def _peers(cases: pd.DataFrame) -> list[Measure]:
+    shared = cases[cases.heldout_blackbox.notna()]
+    planted, refitted = _of(shared, "single", "double", "twin"), shared[shared.answer_refit_all.notna()]
+    lines = [
+        average(f"share of the oracle's improvement, {name}", regained(planted, column), np.median, percent)
+        for column, name in PEERS.items()
+    ]
+    single, nothing = _of(refitted, "single"), _of(refitted, NULL)
+    return [
+        *lines,
+        share("best name right, all single effects that were refitted, fimpact", single.right),
+        share("… refit every candidate, BIC", single.answer_refit_all == single.truth),
+        share("false alarms in the same cases, fimpact", nothing.detected),
+        share("… refit every candidate, BIC", nothing.answer_refit_all != NONE),
+    ]
+
+
+PARTS = (_detection, _naming, _confidence, _location, _improvement, _several, _crowds, _twins, _export, _time)
+
+
+def to_markdown(cases: pd.DataFrame) -> str:
+    """Both tables: what was demanded, and the comparators on the share of the cases that they ran on."""
+    claim, peers = measure(cases), _peers(cases)
+    counts = ", ".join(f"{n} {kind}" for kind, n in cases.kind.value_counts().sort_index().items())
+    failed = int((cases.status != "done").sum())
+    compared, refitted = (int(cases[column].notna().sum()) for column in ("heldout_blackbox", "answer_refit_all"))
+    return (
+        f"{len(cases)} cases: {counts}; {failed} failed and count as answered `none`.\n\n{as_markdown(claim)}\n\n"
+        f"Comparators, on the same recordings: {compared} cases drawn at random, "
+        f"every candidate refitted in {refitted} of them.\n\n"
+        f"{as_markdown(peers)}\n"
+    )
+
+
+def to_table(cases: pd.DataFrame) -> pd.DataFrame:
+    """The same as a table: what, value, low, high, n, bar, aim, reached."""
+    lines = [*measure(cases), *_peers(cases)]
+    keys = ("what", "value", "low", "high", "n", "bar", "aim")
+    return pd.DataFrame([{k: getattr(m, k) for k in keys} | {"reached": m.verdict} for m in lines])

@@ -1,0 +1,308 @@
+"""The tie of rigid-body dynamics: commands, weight and inertia of the naive model must balance in the recorded motion.
+
+A naive model is wrong, that is the point of recording; but no missing physics makes it right again when one column is
+read in degrees, 1000 times smaller, reversed, or exchanged with another.
+"""
+
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass
+from functools import cache
+
+import mujoco
+import numpy as np
+
+from fimpact.cases import enums
+from fimpact.cases.consistency.kinematics import ORDERS, Log, reordered
+from fimpact.cases.consistency.measured_motion import SMOOTHERS, Motion, moved
+from fimpact.cases.consistency.misreadings import Misreading, Positions, misread, misreadings
+from fimpact.cases.consistency.ties import DECLARED, FEWEST, MODEL_ERROR, NOTHING, Left, Reading, Tie, bounded, least
+
+HOPEFUL = 0.5  # share that a reading may leave at first sight to be looked at closely
+SAMPLES = 300  # states that are compared
+CAPS = (60, 98)  # percentiles of acceleration up to which samples weigh in full; the better counts
+FRICTION = 10.0  # friction decelerates at most this many times as strongly as recorded
+NEAR = 0.1  # of the size of a geom: so close to another it may touch in reality
+SCALE = 4.0  # masses of a naive model may be this much off
+ROTOR = 10.0  # inertia of a drive is at most this many times that of the model
+LATE = (0.0, 0.02, 0.05, 0.1, 0.2)  # s: delays of a command that are honest
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Generalised forces in n states: of inertia, of a joint's own inertia, weight, speed (n, nv), and of actuators.
+
+    bias, gain: force of each actuator without a command, and by one unit of it, (n, nu). arms: (n, nu, nv).
+    speed, acceleration: (n, nv). rows: indices of the samples in the concatenated runs of a group.
+    """
+
+    inertia: np.ndarray
+    own: np.ndarray
+    weight: np.ndarray
+    moving: np.ndarray
+    bias: np.ndarray
+    gain: np.ndarray
+    arms: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    rows: np.ndarray
+
+
+def dynamics_ties(log: Log) -> Iterator[Tie]:
+    """Whether the naive model balances where nothing touches; of a free body also how it turns in flight."""
+    model, columns = log.model, log.columns()
+    if not model.njnt or any(len(columns.get(model.joint(j).name, ())) not in (1, 7) for j in range(model.njnt)):
+        return
+    if any(int(kind) not in enums.PLAIN_STATES for kind in model.actuator_dyntype):
+        return
+    joints = [_dofs(model, j) for j in range(model.njnt)]
+    balances = _balances(log, columns)
+    several = [dofs for dofs in joints if dofs.size]
+    readings = tuple(misreadings(log))
+    what = "the commands, the naive model and the recorded accelerations"
+    yield Tie(what, log.names, readings, _left(log, balances, several, readings), MODEL_ERROR)
+    spins = [int(model.jnt_dofadr[j]) + np.arange(3, 6) for j in np.flatnonzero(model.jnt_type == enums.FREE)]
+    quats = [channel for channel in log.seen if channel.type == enums.FRAMEQUAT]
+    if spins and quats:
+        what = f"how '{quats[0].sensor}' turns in flight and the inertia of the naive model"
+        yield Tie(what, log.names, tuple(ORDERS), _left(log, balances, spins, tuple(ORDERS)), EVEN)
+
+
+EVEN = 0.1  # share that tumbling may leave where ratios of inertia are off: rows are scaled one by one
+
+
+def _dofs(model: mujoco.MjModel, joint: int) -> np.ndarray:
+    # Of a free joint only the translation: its rotation is a tie of its own.
+    return model.jnt_dofadr[joint] + np.arange(3 if model.jnt_type[joint] == enums.FREE else 1)
+
+
+def _left(log: Log, balances, joints: list[np.ndarray], readings: tuple[Reading, ...]):
+    """What a reading leaves in a group; those that change commands only are compared in one go."""
+    alike: dict[Positions, list[Misreading]] = {}
+    for reading in (DECLARED, *readings):
+        alike.setdefault(misread(reading).positions, []).append(misread(reading))
+
+    @cache
+    def moving(group: int) -> list[np.ndarray]:
+        """Joints that move as declared: under every reading the same are compared."""
+        balance = balances(Positions(), group, SMOOTHERS[1], True)
+        power = [np.sum(balance.own[:, dofs] ** 2) for dofs in joints]
+        return [dofs for dofs, size in zip(joints, power, strict=True) if size > 1e-9 * max(power) > 0]
+
+    @cache
+    def all_left(positions: Positions, group: int) -> dict[Misreading, Left]:
+        first = _found(log, balances, moving(group), group, positions, alike[positions], quick=True)
+        hopeful = [one for one, left in first.items() if left.share < HOPEFUL or not one.doubt]
+        closer = _found(log, balances, moving(group), group, positions, hopeful, quick=False) if hopeful else {}
+        return first | {one: left for one, left in closer.items() if left is not NOTHING}
+
+    return lambda reading, group: all_left(misread(reading).positions, group)[misread(reading)]
+
+
+def _found(log: Log, balances, joints, group: int, positions: Positions, readings: list[Misreading], quick: bool):
+    """What readings of the same positions leave; quickly: at one width and without a delay."""
+    out = dict.fromkeys(readings, NOTHING)
+    for width in SMOOTHERS[1:2] if quick else SMOOTHERS:
+        balance = balances(positions, group, width, quick)
+        if joints and len(balance.rows) >= FEWEST:
+            commands = _commands(log, group, readings, LATE[:1] if quick or not log.model.nu else LATE)
+            found = _unbalanced(balance, commands, joints, readings, CAPS[1:] if quick else CAPS)
+            out = {reading: least([out[reading], one]) for reading, one in zip(out, found, strict=True)}
+    return out
+
+
+def _commands(log: Log, group: int, readings: list[Misreading], delays: tuple[float, ...]) -> np.ndarray:
+    """Commands (delays, readings, n, nu) of all samples of a group."""
+    runs = [log.recording.runs[run].ctrl for run in log.groups[group]]
+    shifts = [round(late / log.recording.period) for late in delays]
+    late = [np.concatenate([ctrl[np.maximum(np.arange(len(ctrl)) - shift, 0)] for ctrl in runs]) for shift in shifts]
+    return np.array([[reading.commands(ctrl) for reading in readings] for ctrl in late])
+
+
+def _unbalanced(balance: Balance, commands: np.ndarray, moving: list[np.ndarray], readings: list[Misreading], caps):
+    """What each reading leaves at the delay and the cap that suit it: the mean of all joints, whose units differ."""
+    ctrl = commands[:, :, balance.rows]
+    for index, reading in enumerate(readings):
+        if reading.unsigned is not None:
+            ctrl[:, index] = [_directed(balance, one, reading.unsigned) for one in ctrl[:, index]]
+    forces = np.einsum("drnu,nuv->drnv", balance.gain * ctrl + balance.bias, balance.arms)
+    several = [_problem(balance, forces, dofs, cap) for cap in caps for dofs in moving]
+    found = bounded(
+        *(np.concatenate([getattr(one, key) for one in several]) for key in ("gram", "cross", "low", "high"))
+    )
+    left = [one.left(part) for one, part in zip(several, np.split(found, len(several)), strict=True)]
+    shares = np.array([np.sum(one**2, axis=1) for one in left]).clip(0.0, 1.0)
+    shares = shares.reshape(len(caps), len(moving), *forces.shape[:2]).mean(axis=1)
+    out = []
+    for index, reading in enumerate(readings):
+        cap, delay = np.unravel_index(np.argmin(shares[:, :, index]), shares.shape[:2])
+        kept = left[cap * len(moving) : (cap + 1) * len(moving)] if not reading.doubt else []
+        rests = [one.reshape(*forces.shape[:2], -1)[delay, index] for one in kept] or [np.zeros(0)]
+        out.append(Left(float(shares[cap, delay, index]), np.concatenate(rests), LATE[delay]))
+    return out
+
+
+def _directed(balance: Balance, ctrl: np.ndarray, actuator: int) -> np.ndarray:
+    """Commands with the size of one as recorded, in the direction in which the motion needs it."""
+    needed = balance.inertia + balance.weight + balance.moving
+    towards = np.einsum("nv,nv->n", needed, balance.arms[:, actuator] * balance.gain[:, [actuator]])
+    out = ctrl.copy()
+    out[:, actuator] = np.abs(ctrl[:, actuator]) * np.sign(towards)
+    return out
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Least squares of one joint for each delay and reading, and last of friction alone (B + 1 in all).
+
+    columns: (B, k, n). target: (n,). own: (n,), by which what is left is judged: the target has inertia of other
+    joints, too, and where a reading makes one joint's motion small, would be all that is left to explain. low, high: as
+    `bounded` has them.
+    """
+
+    columns: np.ndarray
+    target: np.ndarray
+    own: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @property
+    def gram(self) -> np.ndarray:
+        """Products of the columns with one another."""
+        out = self.columns @ self.columns.transpose(0, 2, 1)
+        return np.concatenate([out, out[:1]])
+
+    @property
+    def cross(self) -> np.ndarray:
+        """Products of the columns with the target."""
+        return np.concatenate([self.columns @ self.target, self.columns[:1] @ self.own])
+
+    def left(self, found: np.ndarray) -> np.ndarray:
+        """Residuals (B, n), in units of what friction alone leaves."""
+        alone = self.own - found[-1] @ self.columns[0]
+        rests = self.target - np.einsum("bk,bkn->bn", found[:-1], self.columns)
+        return rests / max(float(np.linalg.norm(alone)), 1e-300)
+
+
+def _problem(balance: Balance, forces: np.ndarray, dofs: np.ndarray, cap: float) -> Problem:
+    """What of the force of inertia at a joint the other forces (delays, readings, n, nv) make up.
+
+    Each term may be `SCALE` times larger or smaller, because inertias are guesses; friction and the drive's inertia
+    may help. Beyond the percentile `cap` an impact weighs no more: one a sample early would hide everything else.
+    """
+    size = np.linalg.norm(balance.inertia[:, dofs], axis=1)
+    weight = np.minimum(1.0, 2 * np.percentile(size, cap) / np.maximum(size, 1e-300))[:, None]
+
+    def row(values: np.ndarray) -> np.ndarray:
+        return (weight * values[..., dofs]).reshape(*values.shape[:-2], -1)
+
+    target = row(balance.inertia)
+    drag = [-row(balance.v), -row(np.sign(balance.v))]
+    given = np.array([-row(balance.weight), -row(balance.moving), -row(balance.a), *drag])
+    acting = row(forces).reshape(-1, 1, len(target))
+    columns = np.concatenate([acting, np.broadcast_to(given, (len(acting), *given.shape))], axis=1)
+    own = np.linalg.norm(target)
+    strongest = [FRICTION * own / max(float(np.linalg.norm(x)), 1e-300) for x in drag]
+    rotor = ROTOR * own / max(float(np.linalg.norm(given[2])), 1e-300)
+    low, high = [1 / SCALE, 1 / SCALE, 0.0, 0.0, 0.0, 0.0], [SCALE, SCALE, SCALE, rotor, *strongest]
+    lows = np.array([*[low] * len(acting), [0.0] * 6])
+    return Problem(columns, target, row(balance.own), lows, np.array([*[high] * len(acting), [0.0] * 4 + strongest]))
+
+
+def _balances(log: Log, columns: dict[str, list[int]]):
+    careful, blind = _wary(log.model), _wary(log.model)
+    blind.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+
+    @cache
+    def motion(order: Reading, run: int, width: int) -> Motion:
+        measured = reordered(log, log.recording.runs[run].measured, order)
+        return moved(log.model, columns, measured, log.recording.period, width)
+
+    @cache
+    def balances(read: Positions, group: int, width: int, quick: bool) -> Balance:
+        model = blind if quick else careful
+        parts, count = [], 0
+        for run in log.groups[group]:
+            states = read.states(model, motion(read.order, run, width))
+            known = np.flatnonzero(np.isfinite(np.column_stack(states)).all(axis=1))
+            parts.append((*(one[known] for one in states), count + known))
+            count += len(states[0])
+        q, v, a, rows = (np.concatenate(one) for one in zip(*parts, strict=True))
+        most = max(4 * FEWEST, SAMPLES // len(log.groups)) // (2 if quick else 1)
+        chosen = np.unique(np.linspace(0, len(q) - 1, most).astype(int)) if len(q) else np.zeros(0, int)
+        return _balance(model, q[chosen], v[chosen], a[chosen], rows[chosen])
+
+    return balances
+
+
+def _balance(model: mujoco.MjModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, rows: np.ndarray) -> Balance:
+    """Forces in each state in which nothing touches and no joint is at its limit."""
+    data, kept, found = mujoco.MjData(model), [], []
+    for row in range(len(q)):
+        one = _forces(model, data, q[row], v[row], a[row])
+        if one is not None:
+            kept.append(row)
+            found.append(one)
+    shapes = [(model.nv,)] * 4 + [(model.nu,)] * 2 + [(model.nu, model.nv)]
+    arrays = [np.array([one[k] for one in found]).reshape(len(kept), *shape) for k, shape in enumerate(shapes)]
+    inertia, own, weight, moving, bias, gain, arms = arrays
+    return Balance(inertia, own, weight, moving, bias, gain, arms, v[kept], a[kept], rows[kept])
+
+
+def _forces(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.ndarray, a: np.ndarray):
+    """Inertia, a joint's own, weight, what comes of speed (nv), bias and gain (nu) and lever arms (nu, nv) of the
+    actuators, without the directions that a closed loop forbids; None where something touches."""
+    data.qpos[:], data.qvel[:], data.ctrl[:], data.act[:] = q, v, 0.0, 0.0
+    mujoco.mj_fwdPosition(model, data)
+    kinds_of = data.efc_type[: data.nefc]
+    if data.ncon or (kinds_of > enums.LAST_FRICTION).any():
+        return None
+    mujoco.mj_fwdVelocity(model, data)
+    masses, all_bias, weight = np.zeros((model.nv, model.nv)), data.qfrc_bias.copy(), np.zeros(model.nv)
+    mujoco.mj_fullM(model, data, masses)
+    passive, lifted = data.qfrc_passive.copy(), data.qfrc_gravcomp.copy()
+    bias, arms = _acting(model, data, 0.0)
+    gain = _acting(model, data, 1.0)[0] - bias
+    free = _free(model, data, kinds_of)
+    data.qvel[:] = 0
+    mujoco.mj_comVel(model, data)
+    mujoco.mj_rne(model, data, 0, weight)
+    speed = all_bias - weight - passive + lifted
+    return (
+        free @ masses @ a,
+        free @ (np.diag(masses) * a),
+        free @ (weight - lifted),
+        free @ speed,
+        bias,
+        gain,
+        arms @ free,
+    )
+
+
+def _acting(model: mujoco.MjModel, data: mujoco.MjData, command: float) -> tuple[np.ndarray, np.ndarray]:
+    """Force of each actuator (nu,) under this command, and its lever arms (nu, nv)."""
+    data.ctrl[:], data.act[:] = command, command
+    mujoco.mj_fwdActuation(model, data)
+    arms = np.zeros((model.nu, model.nv))
+    if model.nu:
+        mujoco.mju_sparse2dense(arms, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
+    return data.actuator_force.copy(), arms
+
+
+def _free(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.ndarray:
+    """Projector (nv, nv) on the motions that equality constraints leave."""
+    tied = data.efc_J.reshape(-1, model.nv)[: len(rows)][rows == enums.EQUALITY] if model.neq else np.zeros((0, 1))
+    return np.eye(model.nv) - np.linalg.pinv(tied) @ tied if len(tied) else np.eye(model.nv)
+
+
+def _wary(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The same model, which reports contacts before they exert a force (real surfaces are some millimetres off), and
+    whose actuators clip nothing."""
+    model, sizes = copy(model), model.geom_rbound[model.geom_rbound > 0]
+    near = NEAR * float(np.median(sizes)) if sizes.size else 0.0
+    for margin, gap in ((model.geom_margin, model.geom_gap), (model.pair_margin, model.pair_gap)):
+        margin += near
+        gap += near
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    model.actuator_ctrllimited[:] = model.actuator_forcelimited[:] = 0
+    return model
