@@ -12,10 +12,10 @@ from fimpact.effects import EFFECTS, get_effect, sites
 from fimpact.effects.base import ENTERS, ENVIRONMENT, Coefficient, Effect, Scales, Signal, State
 from fimpact.effects.classes import classes
 from fimpact.effects.drives import motor_force
-from fimpact.effects.families.masses import second_moments
 from fimpact.effects.families.sensing import interpolate
 from fimpact.effects.gears import Shaft, coupled, encoders
 from fimpact.effects.native import editable
+from fimpact.effects.typical import second_moments
 from fimpact.export.callback import SourceBundle
 
 # An arm in a vertical plane whose tip strikes the ground, its first link hanging on a mirror-imaged axis.

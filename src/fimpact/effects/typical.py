@@ -9,6 +9,7 @@ from fimpact.effects.sites import HINGE, SLIDE, drives
 
 FLOOR = 1e-3  # of a natural scale, where the recording shows none
 THIN = 0.05  # of the mechanism: no body counts as smaller
+MOMENTS = ("sxx", "syy", "szz", "sxy", "sxz", "syz")
 
 
 def force(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
@@ -120,6 +121,29 @@ def reference(model, body: str) -> tuple[np.ndarray, np.ndarray]:
     mujoco.mj_kinematics(model, data)
     row = data.body(body)
     return row.xipos, row.xmat.reshape(3, 3)
+
+
+def stretch(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
+    """How far a joint is from where its spring rests, m or rad."""
+    away = middle(scales, model, joint) - model.qpos_spring[model.joint(joint).qposadr[0]]
+    return float(np.hypot(away, travel(scales, model, joint)))
+
+
+def target(model: mujoco.MjModel, actuator: str) -> float:
+    """Unit of targets in which parts of a degree and parts of a tenth of a millimetre are alike."""
+    turns = model.joint(model.actuator(actuator).trnid[0]).type[0] == HINGE
+    return float(np.radians(1)) if turns else 1e-4
+
+
+def shown(scales: Scales) -> float:
+    """A typical standard deviation of the channels: the laws are exactly linear, so only its order counts."""
+    known = scales.measured[scales.measured > 0]
+    return max(float(np.median(known)), FLOOR) if known.size else FLOOR
+
+
+def second_moments(principal: np.ndarray) -> np.ndarray:
+    """Second moments of mass, (3,), of principal moments of inertia (3,), kg m^2: positive for what has a density."""
+    return principal.sum() / 2 - principal
 
 
 def _actuation(forces: np.ndarray, model, actuator: str) -> float:

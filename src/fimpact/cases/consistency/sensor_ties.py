@@ -36,12 +36,7 @@ from fimpact.cases.consistency.measured_motion import SMOOTHERS, Motion, derivat
 from fimpact.cases.consistency.ties import DECLARED, MODEL_ERROR, NOTHING, Left, Reading, Tie, least
 
 SAMPLES = 1500  # in which the model is placed
-OFFSET = {
-    enums.ACCELEROMETER: 1.0,
-    enums.FORCE: np.inf,
-    enums.TORQUE: np.inf,
-    enums.FRAMEPOS: np.inf,
-}  # honest, SI
+OFFSET = {enums.ACCELEROMETER: 1.0, enums.FORCE: np.inf, enums.TORQUE: np.inf, enums.FRAMEPOS: np.inf}  # honest, SI
 
 
 @dataclass(frozen=True)
@@ -126,13 +121,7 @@ def placed(log: Log, channel: Channel, columns: dict[str, list[int]]) -> bool:
         body = int(model.body_parentid[body])
     hung = [j for j in range(model.njnt) if int(model.jnt_bodyid[j]) in bodies]
     half = {name for name, place in columns.items() if len(place) == 4}
-    straight = channel.type in (
-        enums.FRAMEPOS,
-        enums.FRAMELINVEL,
-        enums.VELOCIMETER,
-        enums.FORCE,
-        enums.TORQUE,
-    )
+    straight = channel.type in (enums.FRAMEPOS, enums.FRAMELINVEL, enums.VELOCIMETER, enums.FORCE, enums.TORQUE)
     return bool(hung) and all(
         model.joint(j).name in columns and not (straight and model.joint(j).name in half) for j in hung
     )

@@ -44,10 +44,7 @@ def _target(log: Log, actuator: int) -> Target | None:
     model = log.model
     bias, gain = model.actuator_biasprm[actuator], model.actuator_gainprm[actuator, 0]
     kind, fixed = int(model.actuator_biastype[actuator]), int(model.actuator_gaintype[actuator])
-    if int(model.actuator_trntype[actuator]) not in enums.AT_JOINT or (kind, fixed) != (
-        enums.AFFINE,
-        enums.FIXED,
-    ):
+    if int(model.actuator_trntype[actuator]) not in enums.AT_JOINT or (kind, fixed) != (enums.AFFINE, enums.FIXED):
         return None
     joint = model.joint(int(model.actuator_trnid[actuator, 0])).name
     gear, rate = model.actuator_gear[actuator, 0], bias[1] == 0

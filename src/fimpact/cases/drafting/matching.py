@@ -24,11 +24,7 @@ VECTORS = {  # quantity of a body or site: the words of its columns, its sensors
     "position": ("p pos position translation", (enums.FRAMEPOS,), "m"),
     "orientation": ("q quat quaternion orientation rotation", (enums.FRAMEQUAT,), "1"),
     "rotation_rate": ("gyro gyr", (enums.GYRO,), "rad/s"),
-    "angular_velocity": (
-        "w omega angular",
-        (enums.GYRO, enums.FRAMEANGVEL),
-        "rad/s",
-    ),  # in whose axes, it does not say
+    "angular_velocity": ("w omega angular", (enums.GYRO, enums.FRAMEANGVEL), "rad/s"),  # in whose axes, it does not say
     "acceleration": ("a acc accel acceleration", (enums.ACCELEROMETER, enums.FRAMELINACC), "m/s^2"),
     "velocity": ("v vel velocity linear", (enums.VELOCIMETER, enums.FRAMELINVEL), "m/s"),
     "force": ("f force", (enums.FORCE,), "N"),

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from scipy.signal import lfilter
 
-from fimpact.effects import sites, typical
+from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import MOTOR, Coefficient, Effect, Signal
 from fimpact.effects.native import exporting
 from fimpact.effects.sites import ALL
@@ -86,10 +86,6 @@ def _actuators(signal: Signal, site) -> list[int]:
     return list(range(len(signal.actuators))) if site == ALL else [signal.actuators.index(site)]
 
 
-def _to_a_share(name, share):
-    return lambda scales, model, site: {name: share}
-
-
 def _saturation_probes(scales, model, site):
     """From what the motion needed, which a limit cannot have been below, to what it hardly touches."""
     most = typical.summit(scales, model, site)
@@ -127,7 +123,7 @@ EFFECTS = (
         law=gain,
         neutral={"change": 0.0},
         export=exporting(gain),
-        prior=_to_a_share("change", 0.07),
+        prior=priors.fixed(change=0.07),
         prior_source=CONSTANTS,
         order=MOTOR,
     ),
@@ -145,7 +141,7 @@ EFFECTS = (
         neutral={"limit": np.inf},
         export=exporting(saturation),
         linear=False,
-        prior=lambda scales, model, site: {"limit": typical.summit(scales, model, site)},
+        prior=priors.limit,
         prior_source="a limit that shows lies near the largest torque that is asked for",
         order=MOTOR,
     ),
@@ -162,7 +158,7 @@ EFFECTS = (
         law=command_delay,
         neutral={"delay": 0.0},
         linear=False,
-        prior=lambda scales, model, site: {"delay": typical.delay(scales)},
+        prior=priors.late("delay"),
         prior_source=LATE,
         order=MOTOR,
         least=lambda scales, model, site: {"delay": typical.instant(scales)},
@@ -181,7 +177,7 @@ EFFECTS = (
         neutral={"time": 0.0},
         export=_export_lag,
         linear=False,
-        prior=lambda scales, model, site: {"time": typical.delay(scales)},
+        prior=priors.late("time"),
         prior_source=LATE,
         order=MOTOR,
         least=lambda scales, model, site: {"time": typical.instant(scales)},
@@ -199,7 +195,7 @@ EFFECTS = (
         law=rotor_inertia,
         neutral={"inertia": 0.0},
         export=exporting(rotor_inertia),
-        prior=lambda scales, model, site: {"inertia": 2 * typical.inertia(scales, model, site)},
+        prior=priors.rotor,
         prior_source="behind a gear of 100 a rotor outweighs its load; light joints have the motors of heavy ones",
         order=MOTOR,
     ),
@@ -216,7 +212,7 @@ EFFECTS = (
         law=torque_offset,
         neutral={"offset": 0.0},
         export=exporting(torque_offset),
-        prior=lambda scales, model, site: {"offset": 0.2 * typical.drive(scales, model, site)},
+        prior=priors.torque_offset,
         prior_source="offsets of current sensors are some per cent of their range",
         order=MOTOR,
         refines=("coulomb",),

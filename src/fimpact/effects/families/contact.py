@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from fimpact.effects import sites, typical
+from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import Coefficient, Effect
 from fimpact.effects.families.environment import stale
 from fimpact.effects.native import exporting
@@ -146,7 +146,7 @@ EFFECTS = (
         law=sliding_friction,
         neutral={"change": 0.0},
         export=exporting(sliding_friction),
-        prior=lambda scales, model, site: {"change": 0.3},
+        prior=priors.fixed(change=0.3),
         prior_source="handbooks give coefficients of dry friction of one pair of materials to some .3",
     ),
     Effect(
@@ -163,7 +163,7 @@ EFFECTS = (
         law=contact_stiffness,
         neutral={"change": 0.0},
         export=exporting(contact_stiffness),
-        prior=lambda scales, model, site: {"change": 3.0},
+        prior=priors.fixed(change=3.0),
         prior_source=GUESSED,
     ),
     Effect(
@@ -180,7 +180,7 @@ EFFECTS = (
         law=contact_damping,
         neutral={"change": 0.0},
         export=exporting(contact_damping),
-        prior=lambda scales, model, site: {"change": 3.0},
+        prior=priors.fixed(change=3.0),
         prior_source=GUESSED,
     ),
     Effect(
@@ -198,7 +198,7 @@ EFFECTS = (
         neutral={"coefficient": 0.0},
         linear=False,  # MuJoCo softens what little friction there is in the square of its coefficient
         export=exporting(rolling_friction),
-        prior=lambda scales, model, site: {"coefficient": 0.02 * scales.length},
+        prior=priors.of_length(coefficient=0.02),
         prior_source="handbooks: up to two hundredths of the radius for tyres on hard ground",
     ),
     Effect(
@@ -215,7 +215,7 @@ EFFECTS = (
         law=rounded_edge,
         neutral={"radius": 0.0},
         export=exporting(rounded_edge),
-        prior=lambda scales, model, site: {"radius": 0.02 * scales.length},
+        prior=priors.of_length(radius=0.02),
         prior_source="edges are broken or worn by up to two hundredths of a part's size",
     ),
 )

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from fimpact.effects import sites, typical
+from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import Coefficient, Effect, State
 from fimpact.effects.families.structure import quaternion
 from fimpact.effects.native import exporting
@@ -66,13 +66,6 @@ def _drag_probes(power):
     return probes
 
 
-def _drag_prior(power):
-    def prior(scales, model, site):
-        return {"coefficient": typical.push(scales, model) / typical.pace(scales, model) ** power}
-
-    return prior
-
-
 def _tilt_probes(scales, model, site):
     across, still = typical.normal(model), {"tilt_x": 0.0, "tilt_y": 0.0}
     row, data = model.geom(site), mujoco.MjData(model)
@@ -95,7 +88,7 @@ EFFECTS = (
         probes=_drag_probes(1),
         law=linear_drag,
         neutral={"coefficient": 0.0},
-        prior=_drag_prior(1),
+        prior=priors.drag(1),
         prior_source="drag takes no more than the force applied, or nothing would move",
     ),
     Effect(
@@ -110,7 +103,7 @@ EFFECTS = (
         probes=_drag_probes(2),
         law=quadratic_drag,
         neutral={"coefficient": 0.0},
-        prior=_drag_prior(2),
+        prior=priors.drag(2),
         prior_source="drag takes no more than the force applied, or nothing would move",
     ),
     Effect(
@@ -127,7 +120,7 @@ EFFECTS = (
         law=ground_height,
         neutral={"height": 0.0},
         export=exporting(ground_height),
-        prior=lambda scales, model, site: {"height": 0.01 * scales.length},
+        prior=priors.of_length(height=0.01),
         prior_source="measured with a tape, to a hundredth of the mechanism's size",
     ),
     Effect(
@@ -144,7 +137,7 @@ EFFECTS = (
         law=ground_tilt,
         neutral={"tilt_x": 0.0, "tilt_y": 0.0},
         export=exporting(ground_tilt),
-        prior=lambda scales, model, site: {"tilt_x": 0.03, "tilt_y": 0.03},
+        prior=priors.fixed(tilt_x=0.03, tilt_y=0.03),
         prior_source=LEVEL,
     ),
     Effect(
@@ -160,7 +153,7 @@ EFFECTS = (
         law=gravity_scale,
         neutral={"change": 0.0},
         export=exporting(gravity_scale),
-        prior=lambda scales, model, site: {"change": 0.01},
+        prior=priors.fixed(change=0.01),
         prior_source="gravity varies by .5 % on Earth, lengths and clocks are known to 1 %",
     ),
 )

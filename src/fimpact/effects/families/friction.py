@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fimpact.effects import sites, typical
+from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import FRICTION, Coefficient, Effect, State
 from fimpact.effects.drives import motor_force
 from fimpact.effects.native import exact_dry_friction, exporting
@@ -70,16 +70,6 @@ def _bend(last, way):
     return ahead + (last - ahead) * np.exp(-np.abs(way))
 
 
-def _up_to_applied(*names, power=0):
-    """Standard deviations: the force applied at the rms speed, for a friction that goes with this power of speed."""
-
-    def prior(scales, model, site):
-        size = typical.applied(scales, model, site) / typical.speed(scales, model, site) ** power
-        return dict.fromkeys(names, size)
-
-    return prior
-
-
 def _amount(name):
     return lambda scales, model, site: [{name: typical.SMALL * typical.force(scales, model, site)}]
 
@@ -103,10 +93,7 @@ def _stribeck_probes(scales, model, site):
 
 
 def _dahl_probes(scales, model, site):
-    small, travel = (
-        typical.SMALL * typical.force(scales, model, site),
-        typical.travel(scales, model, site),
-    )
+    small, travel = typical.SMALL * typical.force(scales, model, site), typical.travel(scales, model, site)
     return [{"friction": small, "displacement": part * travel} for part in (0.03, 0.2, 1.0)]
 
 
@@ -124,7 +111,7 @@ EFFECTS = (
         law=frictionloss,
         neutral={"friction": 0.0},
         export=exporting(frictionloss),
-        prior=_up_to_applied("friction"),
+        prior=priors.up_to_applied("friction"),
         prior_source=NO_MORE,
         order=FRICTION,
     ),
@@ -141,7 +128,7 @@ EFFECTS = (
         law=viscous,
         neutral={"damping": 0.0},
         export=exporting(viscous),
-        prior=_up_to_applied("damping", power=1),
+        prior=priors.up_to_applied("damping", power=1),
         prior_source=NO_MORE,
         order=FRICTION,
     ),
@@ -158,7 +145,7 @@ EFFECTS = (
         law=quadratic_damping,
         neutral={"damping": 0.0},
         export=exporting(quadratic_damping),
-        prior=_up_to_applied("damping", power=2),
+        prior=priors.up_to_applied("damping", power=2),
         prior_source=NO_MORE,
         order=FRICTION,
         refines=("viscous",),
@@ -177,7 +164,7 @@ EFFECTS = (
         neutral={"forward": 0.0, "backward": 0.0},
         export=exporting(direction_dependent),
         contains=("coulomb",),
-        prior=_up_to_applied("forward", "backward"),
+        prior=priors.up_to_applied("forward", "backward"),
         prior_source=NO_MORE,
         order=FRICTION,
         refines=("coulomb",),
@@ -199,7 +186,7 @@ EFFECTS = (
         law=stribeck,
         neutral={"coulomb": 0.0, "excess": 0.0, "speed": 1.0},
         contains=("coulomb",),
-        prior=_up_to_applied("coulomb", "excess"),
+        prior=priors.up_to_applied("coulomb", "excess"),
         prior_source=NO_MORE,
         order=FRICTION,
         refines=("coulomb",),
@@ -216,7 +203,7 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"coefficient": typical.SMALL}],
         law=load_dependent,
         neutral={"coefficient": 0.0},
-        prior=lambda scales, model, site: {"coefficient": 0.3},
+        prior=priors.fixed(coefficient=0.3),
         prior_source="data sheets of gears give efficiencies of 70 % and more",
         order=FRICTION,
         refines=("coulomb",),
@@ -238,7 +225,7 @@ EFFECTS = (
         law=dahl,
         neutral={"friction": 0.0, "displacement": 1.0},
         contains=("coulomb",),
-        prior=_up_to_applied("friction"),
+        prior=priors.up_to_applied("friction"),
         prior_source=NO_MORE,
         order=FRICTION,
         refines=("coulomb",),

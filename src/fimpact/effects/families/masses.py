@@ -3,16 +3,15 @@
 import mujoco
 import numpy as np
 
-from fimpact.effects import sites, typical
+from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import RIGID_BODIES, Coefficient, Effect
 from fimpact.effects.native import exporting
+from fimpact.effects.typical import MOMENTS, second_moments
 
 INERTIAL = "Atkeson, An, Hollerbach, Int. J. Robotics Research 5(3), 1986"
 CONSISTENT = "Wensing, Kim, Slotine, IEEE Robotics and Automation Letters 3(1), 2018"
 DRAWN = "data sheets give masses to 20 %, centres of mass to a fifth of the body, moments of inertia to 30 %"
-MOMENTS = ("sxx", "syy", "szz", "sxy", "sxz", "syz")
 THINNEST = 1e-4  # least second moment, of the body's largest; least mass, of its own
-THIN = 0.03  # of a body's size: no second moment counts as smaller than that of a plate so thick
 
 
 def payload(model, site, mass, place):
@@ -59,11 +58,6 @@ def rigid_body(model, site, mass, x, y, z, **moments):
     model.body_mass[body] = total
     model.body_ipos[body] += shift
     _set_inertia(model, body, axes @ (np.trace(spread) * np.eye(3) - spread) @ axes.T)
-
-
-def second_moments(principal: np.ndarray) -> np.ndarray:
-    """Second moments of mass, (3,), of principal moments of inertia (3,), kg m^2: positive for what has a density."""
-    return principal.sum() / 2 - principal
 
 
 def _at_least(matrix: np.ndarray, least: float) -> np.ndarray:
@@ -115,33 +109,9 @@ def _com_probes(scales, model, site):
     return [still | {"xyz"[axis]: typical.SMALL / 2 * scales.length} for axis in moving]
 
 
-def _mean_mass(scales, model) -> float:
-    return scales.mass / max(np.count_nonzero((model.body_weldid != 0) & (model.body_mass > 0)), 1)
-
-
-def _extra_mass(scales, model, site):
-    return {"mass": float(max(model.body(site).mass[0], _mean_mass(scales, model)))}
-
-
-def _shifts(scales, model, site):
-    return dict.fromkeys("xyz", 0.2 * typical.size(scales, model, site))
-
-
-def _rigid_prior(scales, model, site):
-    """Of bodies lighter than the mean, the mass is as uncertain as the mean's: nobody weighs cables and screws."""
-    row = model.body(site)
-    size = np.sqrt(np.maximum(second_moments(row.inertia), row.mass * (THIN * typical.size(scales, model, site)) ** 2))
-    spread = [float(0.3 * size["xyz".index(a)] * size["xyz".index(b)]) for _, a, b in MOMENTS]
-    mass = 0.2 * _extra_mass(scales, model, site)["mass"]
-    return {"mass": mass, **_shifts(scales, model, site), **dict(zip(MOMENTS, spread, strict=True))}
-
-
 def _rigid_probes(scales, model, site):
     """Of a planar mechanism only what moves: one second moment in the plane stands for both."""
-    axes, sizes = (
-        typical.directions(model, typical.reference(model, site)[1]),
-        _rigid_prior(scales, model, site),
-    )
+    axes, sizes = typical.directions(model, typical.reference(model, site)[1]), priors.rigid_body(scales, model, site)
     seen = ["mass", *("xyz"[axis] for axis in axes), *(MOMENTS if len(axes) == 3 else [_largest(model, site)])]
     none = dict.fromkeys(sizes, 0.0)
     return [none | {name: typical.SMALL * sizes[name]} for name in seen]
@@ -173,7 +143,7 @@ EFFECTS = (
         neutral=dict.fromkeys(("mass", *"xyz", *MOMENTS), 0.0),
         export=exporting(rigid_body),
         contains=("payload", "com_shift", "inertia"),
-        prior=_rigid_prior,
+        prior=priors.rigid_body,
         prior_source=DRAWN,
         order=RIGID_BODIES,
     ),
@@ -190,7 +160,7 @@ EFFECTS = (
         law=payload,
         neutral={"mass": 0.0, "place": 0.0},
         export=exporting(payload),
-        prior=_extra_mass,
+        prior=priors.extra_mass,
         prior_source="tools, batteries and looms weigh up to as much as the link that carries them",
         order=RIGID_BODIES,
     ),
@@ -207,7 +177,7 @@ EFFECTS = (
         law=com_shift,
         neutral={"x": 0.0, "y": 0.0, "z": 0.0},
         export=exporting(com_shift),
-        prior=_shifts,
+        prior=priors.shifts,
         prior_source=DRAWN,
         order=RIGID_BODIES,
     ),
@@ -224,7 +194,7 @@ EFFECTS = (
         law=inertia,
         neutral={"change": 0.0},
         export=exporting(inertia),
-        prior=lambda scales, model, site: {"change": 0.3},
+        prior=priors.fixed(change=0.3),
         prior_source=DRAWN,
         order=RIGID_BODIES,
     ),

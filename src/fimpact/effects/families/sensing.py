@@ -3,19 +3,12 @@
 import mujoco
 import numpy as np
 
-from fimpact.effects import sites, typical
+from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import SENSING, Coefficient, Effect, Signal
 from fimpact.effects.families.structure import quaternion
-from fimpact.effects.sites import ALL, SLIDE, base, component, measured_by
+from fimpact.effects.sites import ALL, component, measured_by
 
 LATE = "buses and filters hold back by a few samples, at most some 50 ms"
-ZERO = {  # rad, m/s^2, rad/s: offsets of encoders set by a mark, and of inertial sensors in data sheets
-    int(mujoco.mjtSensor.mjSENS_JOINTPOS): 0.03,
-    int(mujoco.mjtSensor.mjSENS_ACCELEROMETER): 0.5,
-    int(mujoco.mjtSensor.mjSENS_GYRO): 0.05,
-}
-PLACE = 0.01  # of the mechanism: what lengths and places are measured to
-DRIFTS = 0.1  # of what a sensor shows: offset of any other kind
 CHANNEL = "of the channel"  # in place of a unit: that of what the sensor measures
 IMU = "Tedaldi, Pretto, Menegatti, A robust and easy to implement method for IMU calibration, ICRA 2014"
 
@@ -112,21 +105,6 @@ def _export_misalignment(spec, site, turn_x, turn_y, turn_z):
     sensor.objname = name
 
 
-def _size(scales) -> float:
-    """A typical standard deviation of the channels: the laws are exactly linear, so only its order counts."""
-    known = scales.measured[scales.measured > 0]
-    return max(float(np.median(known)), typical.FLOOR) if known.size else typical.FLOOR
-
-
-def _bias_prior(scales, model, site):
-    sensor = model.sensor(base(site))
-    kind = int(sensor.type[0])
-    slides = kind == mujoco.mjtSensor.mjSENS_JOINTPOS and model.jnt_type[sensor.objid[0]] == SLIDE
-    if slides or kind == mujoco.mjtSensor.mjSENS_FRAMEPOS:
-        return {"offset": PLACE * scales.length}
-    return {"offset": ZERO.get(kind) or DRIFTS * _size(scales)}
-
-
 def _stamps(scales, model, site):
     """A sensor is not early; but a log may hold, beside each command, what all sensors read after it had acted."""
     together = site == ALL or len(scales.measured) <= model.sensor(site).dim[0]
@@ -148,10 +126,10 @@ EFFECTS = (
         enters="measurement",
         coefficients=(Coefficient("offset", CHANNEL),),
         sites=sites.columns,
-        probes=lambda scales, model, site: [{"offset": typical.SMALL * _size(scales)}],
+        probes=lambda scales, model, site: [{"offset": typical.SMALL * typical.shown(scales)}],
         law=sensor_bias,
         neutral={"offset": 0.0},
-        prior=_bias_prior,
+        prior=priors.sensor_bias,
         prior_source="zero marks of encoders: 1 or 2 degrees; data sheets of inertial sensors; others a tenth",
         order=SENSING,
     ),
@@ -167,7 +145,7 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"change": typical.SMALL}],
         law=sensor_scale,
         neutral={"change": 0.0},
-        prior=lambda scales, model, site: {"change": 0.05},
+        prior=priors.fixed(change=0.05),
         prior_source="data sheets give sensitivities to some 5 %",
         order=SENSING,
     ),
@@ -184,7 +162,7 @@ EFFECTS = (
         law=sensor_delay,
         neutral={"delay": 0.0},
         ranges=_stamps,
-        prior=lambda scales, model, site: {"delay": typical.delay(scales)},
+        prior=priors.late("delay"),
         prior_source=LATE,
         order=SENSING,
         least=lambda scales, model, site: {"delay": typical.instant(scales)},
@@ -202,7 +180,7 @@ EFFECTS = (
         law=misalignment,
         neutral={"turn_x": 0.0, "turn_y": 0.0, "turn_z": 0.0},
         export=_export_misalignment,
-        prior=lambda scales, model, site: {f"turn_{axis}": 0.05 for axis in "xyz"},
+        prior=priors.fixed(turn_x=0.05, turn_y=0.05, turn_z=0.05),
         prior_source="sensors are mounted by eye, to some 3 degrees",
         order=SENSING,
     ),
@@ -218,7 +196,7 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"rate": 0.2 * scales.period / scales.duration}],
         law=clock_drift,
         neutral={"rate": 0.0},
-        prior=lambda scales, model, site: {"rate": 1e-3},
+        prior=priors.fixed(rate=1e-3),
         prior_source="quartz clocks are true to .01 %, clocks kept by software to .1 %",
         order=SENSING,
         least=lambda scales, model, site: {"rate": typical.instant(scales) / scales.duration},

@@ -5,7 +5,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fimpact.effects import sites, typical
+from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import MOTOR, Coefficient, Effect, Signal, State
 from fimpact.effects.drives import driven_joints, motor_force, position_servo, within
 from fimpact.effects.native import exporting
@@ -94,23 +94,6 @@ def _export_gravity(spec, site, share):
             body.gravcomp += share
 
 
-def _turns(model, actuator) -> bool:
-    return model.joint(model.actuator(actuator).trnid[0]).type[0] == sites.HINGE
-
-
-def _scaled(model, site) -> float:
-    """Unit of targets in which parts of a degree and parts of a tenth of a millimetre are alike."""
-    return float(np.radians(1)) if _turns(model, site) else 1e-4
-
-
-def _droop(scales, model, site):
-    """Of a tenth at the largest force of all motors together."""
-    gears = np.abs(model.actuator_gear[:, 0])
-    motors = [i for joint in sites.driven(model) for i in sites.drives(model, joint)]
-    most = sum(gears[i] * typical.summit(scales, model, model.actuator(i).name) for i in motors)
-    return {"droop": float(0.1 / max(most, typical.FLOOR))}
-
-
 def _compensated(scales, model, site):
     """Firmware holds an arm, and does not load it: less than nothing is what the model has too much of."""
     return {"share": (-1.5 if model.body_gravcomp.any() else 0.0, 1.5)}
@@ -126,7 +109,7 @@ GAIN: dict[str, Any] = {
     "enters": "model",
     "probes": _change_probes,
     "neutral": {"change": 0.0},
-    "prior": lambda scales, model, site: {"change": 0.3},
+    "prior": priors.fixed(change=0.3),
     "prior_source": GUESSED,
     "order": MOTOR,
 }
@@ -161,11 +144,11 @@ EFFECTS = (
         enters="force",
         coefficients=(Coefficient("width", "rad", low=0.0),),
         sites=sites.direct,
-        probes=lambda scales, model, site: [{"width": part * _scaled(model, site)} for part in (0.1, 0.5, 2.0)],
+        probes=lambda scales, model, site: [{"width": part * typical.target(model, site)} for part in (0.1, 0.5, 2.0)],
         law=deadband,
         neutral={"width": 0.0},
         linear=False,
-        prior=lambda scales, model, site: {"width": 0.5 * _scaled(model, site)},
+        prior=priors.of_targets(width=0.5),
         prior_source="data sheets: hobby servos 1 to 10 µs of pulse, 0.1 to 1 degree; smart servos a few counts",
         order=MOTOR,
         refines=("servo_kp",),
@@ -179,11 +162,11 @@ EFFECTS = (
         enters="command",
         coefficients=(Coefficient("step", "rad", low=0.0),),
         sites=sites.direct,
-        probes=lambda scales, model, site: [{"step": part * _scaled(model, site)} for part in STEPS],
+        probes=lambda scales, model, site: [{"step": part * typical.target(model, site)} for part in STEPS],
         law=target_resolution,
         neutral={"step": 0.0},
         linear=False,
-        prior=lambda scales, model, site: {"step": 0.3 * _scaled(model, site)},
+        prior=priors.of_targets(step=0.3),
         prior_source="data sheets: 4096 steps per turn, 1024 in 300 degrees, or whole degrees",
         order=MOTOR,
     ),
@@ -196,10 +179,10 @@ EFFECTS = (
         enters="force",
         coefficients=(Coefficient("droop", "1/(N m)", low=0.0),),
         sites=sites.powered,
-        probes=lambda scales, model, site: [{"droop": 10 * typical.SMALL * _droop(scales, model, site)["droop"]}],
+        probes=lambda scales, model, site: [{"droop": 10 * typical.SMALL * priors.droop(scales, model, site)["droop"]}],
         law=supply_sag,
         neutral={"droop": 0.0},
-        prior=_droop,
+        prior=priors.droop,
         prior_source="batteries and supplies of small robots fall by some 10 % where all motors pull",
         order=MOTOR,
         refines=("gain", "saturation"),
@@ -218,7 +201,7 @@ EFFECTS = (
         law=gravity_compensation,
         neutral={"share": 0.0},
         export=_export_gravity,
-        prior=lambda scales, model, site: {"share": 1.0},
+        prior=priors.fixed(share=1.0),
         prior_source="firmware compensates all of an arm's weight, or none",
         order=MOTOR,
     ),
@@ -235,7 +218,7 @@ EFFECTS = (
         law=friction_compensation,
         neutral={"share": 0.0},
         export=exporting(friction_compensation),
-        prior=lambda scales, model, site: {"share": 0.5},
+        prior=priors.fixed(share=0.5),
         prior_source="firmware takes half to all of the friction away",
         order=MOTOR,
     ),

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from fimpact.effects import sites, typical
+from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import STRUCTURE, Coefficient, Effect, State
 from fimpact.effects.native import exporting
 
@@ -99,27 +99,16 @@ def _spring_probes(scales, model, site):
 def _rests(scales, model, site):
     """No hinge is further from any angle than half a turn, and no slide from any place than the mechanism is long."""
     half = np.pi if model.joint(site).type[0] == sites.HINGE else scales.length
-    middle, far = (
-        typical.middle(scales, model, site),
-        max(half, max(RESTS) * typical.travel(scales, model, site)),
-    )
+    middle, far = typical.middle(scales, model, site), max(half, max(RESTS) * typical.travel(scales, model, site))
     return {"rest": (middle - far, middle + far)}
 
 
 def _hardening_probes(scales, model, site):
-    return [{"cubic": typical.SMALL * typical.force(scales, model, site) / _stretch(scales, model, site) ** 3}]
-
-
-def _stretch(scales, model, site) -> float:
-    away = typical.middle(scales, model, site) - model.qpos_spring[model.joint(site).qposadr[0]]
-    return float(np.hypot(away, typical.travel(scales, model, site)))
+    return [{"cubic": typical.SMALL * typical.force(scales, model, site) / typical.stretch(scales, model, site) ** 3}]
 
 
 def _cable_probes(scales, model, site):
-    stiffness, centre = (
-        typical.SMALL * typical.push(scales, model) / scales.length,
-        typical.reference(model, site)[0],
-    )
+    stiffness, centre = typical.SMALL * typical.push(scales, model) / scales.length, typical.reference(model, site)[0]
     ways = [side * np.eye(3)[axis] for axis in typical.directions(model) for side in (-1, 1)]
     anchors = [centre + scales.length * way for way in ways]
     names = ("anchor_x", "anchor_y", "anchor_z")
@@ -140,22 +129,8 @@ def _tilt_probes(scales, model, site):
     return [still | {f"tilt_{'xyz'[axis]}": typical.SMALL / 2} for axis in axes]
 
 
-def _stiff_as_a_link(name, power):
-    """Standard deviation of a spring that takes a third of the force applied over the joint's travel."""
-
-    def prior(scales, model, site):
-        stretch = _stretch(scales, model, site) if power > 1 else typical.travel(scales, model, site)
-        return {name: 0.3 * typical.applied(scales, model, site) / stretch**power}
-
-    return prior
-
-
 def _base_probes(scales, model, site):
-    return [{"compliance": typical.SMALL * _base_prior(scales, model, site)["compliance"]}]
-
-
-def _base_prior(scales, model, site):
-    return {"compliance": 0.01 / (scales.mass * scales.gravity * scales.length)}
+    return [{"compliance": typical.SMALL * priors.base_compliance(scales, model, site)["compliance"]}]
 
 
 EFFECTS = (
@@ -173,7 +148,7 @@ EFFECTS = (
         neutral={"stiffness": 0.0, "rest": 0.0},
         export=exporting(spring),
         ranges=_rests,
-        prior=_stiff_as_a_link("stiffness", 1),
+        prior=priors.spring("stiffness", 1),
         prior_source=TAKES,
         order=STRUCTURE,
     ),
@@ -190,7 +165,7 @@ EFFECTS = (
         law=hardening_spring,
         neutral={"cubic": 0.0},
         export=exporting(hardening_spring),
-        prior=_stiff_as_a_link("cubic", 3),
+        prior=priors.spring("cubic", 3),
         prior_source=TAKES,
         order=STRUCTURE,
     ),
@@ -213,7 +188,7 @@ EFFECTS = (
         neutral={"stiffness": 0.0, "anchor_x": 0.0, "anchor_y": 0.0, "anchor_z": 0.0},
         export=_export_cable,
         ranges=_anchors,
-        prior=lambda scales, model, site: {"stiffness": 0.3 * typical.push(scales, model) / scales.length},
+        prior=priors.cable,
         prior_source=TAKES,
         order=STRUCTURE,
     ),
@@ -230,7 +205,7 @@ EFFECTS = (
         law=gravity_tilt,
         neutral={"tilt_x": 0.0, "tilt_y": 0.0, "tilt_z": 0.0},
         export=exporting(gravity_tilt),
-        prior=lambda scales, model, site: {f"tilt_{axis}": 0.03 for axis in "xyz"},
+        prior=priors.fixed(tilt_x=0.03, tilt_y=0.03, tilt_z=0.03),
         prior_source="floors and tables are level to 1 or 2 degrees",
         order=STRUCTURE,
     ),
@@ -246,7 +221,7 @@ EFFECTS = (
         probes=_base_probes,
         law=base_gives_way,
         neutral={"compliance": 0.0},
-        prior=_base_prior,
+        prior=priors.base_compliance,
         prior_source="mounts that give visibly, by half a degree under the weight stretched out, get stiffened",
         order=STRUCTURE,
     ),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fimpact.effects import gears, sites, typical
+from fimpact.effects import gears, priors, sites, typical
 from fimpact.effects.base import TRANSMISSION, Coefficient, Effect, State
 from fimpact.effects.drives import motor_force
 from fimpact.effects.sites import DRAGS
@@ -55,32 +55,9 @@ def _loss_probes(scales, model, site):
     return [{"driving": typical.SMALL, "driven": half}, {"driving": half, "driven": typical.SMALL}]
 
 
-def _coupling_prior(scales, model, site):
-    joint, _, neighbour = site.partition(DRAGS)
-    force, speed = typical.applied(scales, model, joint), typical.speed(scales, model, neighbour)
-    return {"inertia": typical.inertia(scales, model, joint), "damping": force / speed, "friction": force}
-
-
 def _coupling_probes(scales, model, site):
-    sizes = _coupling_prior(scales, model, site)
+    sizes = priors.coupling(scales, model, site)
     return [dict.fromkeys(sizes, 0.0) | {name: typical.SMALL * size} for name, size in sizes.items()]
-
-
-def _gap_prior(scales, model, site):
-    return {"gap": 0.02 if _turns(model, site) else 2e-4}
-
-
-def _compliance_prior(scales, model, site):
-    wound = 0.02 if _turns(model, site) else 1e-3
-    return {"compliance": wound / typical.applied(scales, model, site)}
-
-
-def _ripple_prior(scales, model, site):
-    return dict.fromkeys(("sine", "cosine"), 0.1 * typical.applied(scales, model, site))
-
-
-def _turns(model, joint) -> bool:
-    return model.joint(joint).type[0] == sites.HINGE
 
 
 EFFECTS = (
@@ -97,7 +74,7 @@ EFFECTS = (
         law=gears.loose,
         neutral={"gap": 0.0},
         linear=False,
-        prior=_gap_prior,
+        prior=priors.gap,
         prior_source="gear data sheets: a few arc minutes for planetary gears, a degree for hobby servos",
         order=TRANSMISSION,
         side_by_side=True,
@@ -118,7 +95,7 @@ EFFECTS = (
         law=gears.elastic,
         neutral={"compliance": 0.0, "retardation": 1.0},
         linear=False,
-        prior=_compliance_prior,
+        prior=priors.compliance,
         prior_source="data sheets of strain wave gears and belts: up to a degree of wind-up at the torque they carry",
         order=TRANSMISSION,
         side_by_side=True,
@@ -139,7 +116,7 @@ EFFECTS = (
         probes=_ripple_probes,
         law=torque_ripple,
         neutral={"sine": 0.0, "cosine": 0.0, "cycles": 1.0},
-        prior=_ripple_prior,
+        prior=priors.ripple,
         prior_source="data sheets of motors: cogging and ripple of some 1 to 10 % of the torque",
         order=TRANSMISSION,
     ),
@@ -159,7 +136,7 @@ EFFECTS = (
         law=efficiency,
         neutral={"driving": 0.0, "driven": 0.0},
         contains=("load_dependent_friction",),
-        prior=lambda scales, model, site: {"driving": 0.3, "driven": 0.3},
+        prior=priors.fixed(driving=0.3, driven=0.3),
         prior_source="data sheets of gears give efficiencies of 70 % and more",
         order=TRANSMISSION,
         refines=("coulomb", "load_dependent_friction"),
@@ -180,7 +157,7 @@ EFFECTS = (
         probes=_coupling_probes,
         law=transmission_coupling,
         neutral={"inertia": 0.0, "damping": 0.0, "friction": 0.0},
-        prior=_coupling_prior,
+        prior=priors.coupling,
         prior_source="what couples two joints is part of the neighbour's drive: its friction and its rotor",
         order=TRANSMISSION,
     ),
