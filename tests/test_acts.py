@@ -8,9 +8,10 @@ import pytest
 from recorded import record, waves
 
 from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed, State
+from fimpact.effects.base import Placed
 from fimpact.effects.drives import motor_force
 from fimpact.effects.gears import coupled, encoders
+from fimpact.effects.law_inputs import State
 from fimpact.smoothing.dynamics import laws as along
 from fimpact.smoothing.dynamics.laws import acts_of, force_of, reading_of
 from fimpact.smoothing.prepare import prepare

@@ -12,11 +12,12 @@ import pytest
 from fimpact.benchmark import generator
 from fimpact.benchmark.archive import cases_in, load_recording, save_recording
 from fimpact.benchmark.drawing import draw_case as draw
-from fimpact.benchmark.drawing.detectability import cut, gather, models, predict, see, tangents, whitener
+from fimpact.benchmark.drawing.detectability import see, whitener
 from fimpact.benchmark.drawing.draw_case import draw_case
 from fimpact.benchmark.drawing.effect_size import set_stage, trace
 from fimpact.benchmark.drawing.motions import draw_motion
 from fimpact.benchmark.drawing.separable import SPLIT, best_split
+from fimpact.benchmark.drawing.tangents import cut, gather, models, predict, tangents
 from fimpact.benchmark.planting import planted_effects
 from fimpact.benchmark.planting.confusable_pairs import TWINS
 from fimpact.benchmark.planting.ground_truth import compiled, new_world, play

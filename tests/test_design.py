@@ -8,11 +8,12 @@ from conftest import TOUCHING
 
 from fimpact.paper import reference_simulator
 from fimpact.paper.config import SEEN
-from fimpact.paper.design import METHODS, Task, _units, best_of_n, contact_blind, evaluate, fisher, transcribe
+from fimpact.paper.design import METHODS, _units, best_of_n, contact_blind, evaluate, fisher, transcribe
 from fimpact.paper.estimate import beliefs, untried
 from fimpact.paper.reach import contact_free
 from fimpact.paper.search import Campaign
 from fimpact.paper.systems import make_system
+from fimpact.paper.task import Task
 from fimpact.paper.trial import design_next
 
 BUDGET = {

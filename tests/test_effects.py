@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from fimpact.effects import EFFECTS, get_effect, sites
-from fimpact.effects.base import ENTERS, ENVIRONMENT, Coefficient, Effect, Scales, Signal, State
+from fimpact.effects.base import ENTERS, ENVIRONMENT, Coefficient, Effect, Scales
 from fimpact.effects.classes import classes
 from fimpact.effects.drives import motor_force
 from fimpact.effects.families.sensing import interpolate
 from fimpact.effects.gears import Shaft, coupled, encoders
+from fimpact.effects.law_inputs import Signal, State
 from fimpact.effects.native import editable
 from fimpact.effects.typical import second_moments
 from fimpact.export.callback import SourceBundle

@@ -38,7 +38,8 @@ from fimpact.diagnosis.experiments.separating import (
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.report.experiment_picture import commands
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 
 FRICTION, NOISE = 0.004, np.full(2, 2e-4)  # N m, rad
 COULOMB = {"coulomb@joint_2": {"friction": FRICTION}}

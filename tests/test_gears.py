@@ -10,11 +10,13 @@ from fimpact.benchmark.planting import joints
 from fimpact.benchmark.planting.ground_truth import compiled, new_world
 from fimpact.benchmark.rigs.registry import rig_of
 from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed, State
+from fimpact.effects.base import Placed
 from fimpact.effects.drives import servo_force
 from fimpact.effects.gears import Shaft, elastic, loose
+from fimpact.effects.law_inputs import State
 from fimpact.recordings import Recording, Run
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.windows import cut
 
 ROTOR, PERIOD = 0.004, 0.005

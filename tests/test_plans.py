@@ -6,7 +6,7 @@ from conftest import TOUCHING
 
 from fimpact.paper import plans, reference_simulator
 from fimpact.paper.contact_implicit.plan import planner
-from fimpact.paper.design import Task
+from fimpact.paper.task import Task
 
 BUDGET = {"transcription": {"intervals": 1000, "eps": [1e-2], "iterations": 1}}
 

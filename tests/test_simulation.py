@@ -13,20 +13,12 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Run, Unknown
 from fimpact.simulation import horizon
-from fimpact.simulation.horizon import (
-    HorizonErrors,
-    Starts,
-    errors_of,
-    fit_windows,
-    refit,
-    states_of,
-    step_error,
-    window_starts,
-    windows_of,
-)
+from fimpact.simulation.horizon import HorizonErrors, errors_of, windows_of
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.nonsmooth import make_friction_exact
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.state_guess import measured_motion, noise_level
+from fimpact.simulation.window_fit import Starts, fit_windows, refit, states_of, step_error, window_starts
 from fimpact.simulation.windows import cut
 
 ROD = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from fimpact.effects.base import Effect, Placed
 from fimpact.recordings import Recording, Run
 from fimpact.report.look import IMPROVED, LOOK, QUIET
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.windows import cut
 from fimpact.smoothing.candidates import at, scales_along
 from fimpact.smoothing.dynamics.track import Track

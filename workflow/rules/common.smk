@@ -49,16 +49,21 @@ FORECAST = ["support/mujoco_setup", "paper/forecast"]
 PLANNING = of("paper/contact_implicit", "bodies plan simulate step transcription")
 TABLES = ["support/tables", "support/atomic_files"]
 TRIAL = [*MODEL, *FORECAST, *PLANNING, *TABLES]
-TRIAL += of("paper", "reference_simulator design search estimate trial")
+TRIAL += of("paper", "reference_simulator design search estimate task trial")
 FAMILIES = "actuation contact environment friction masses sensing servos structure transmission"
-CATALOGUE = of("effects", "__init__ base drives gears native priors sites typical") + of("effects/families", FAMILIES)
+CATALOGUE = of("effects", "__init__ base drives gears law_inputs native priors sites typical") + of(
+    "effects/families", FAMILIES
+)
 SHARED = ["__init__", *TABLES, "recordings", *of("benchmark", "archive jsonl")]
 ROBOTS = ["support/mujoco_setup", "benchmark/truth", *of("benchmark/rigs", "planar registry rig robots")]
-ROBOTS += of("benchmark/planting", "bodies crowd ground_truth joints out_of_catalogue plant planted_effects signals")
+ROBOTS += of(
+    "benchmark/planting",
+    "bodies contacts crowd ground_truth joints out_of_catalogue plant planted_effects servos signals",
+)
 DRAWING = of("benchmark", "generator plan seal site_equivalence") + ["benchmark/planting/confusable_pairs"]
 DRAWING += of(
     "benchmark/drawing",
-    "campaigns crowded_case detectability draw_case effect_size ingredients motions separable",
+    "campaigns crowded_case detectability draw_case effect_size ingredients motions separable tangents",
 )
 READ = ["__init__", "support/schema_errors", "recordings", "support/channel_units"]
 READ += of(
@@ -69,13 +74,18 @@ READ += of("cases/models", "compiling naive plausible")
 READ += of("cases/readers", "arrays arrow_tables columns files lerobot ros texts")
 READ += of(
     "cases/consistency",
-    "checks columns_alone dynamics exchanged kinematics measured_motion misreadings sensor_ties servo_ties ties",
+    "balance checks columns_alone dynamics exchanged kinematics measured_motion misreadings sensor_ties servo_ties ties",
 )
 PROOF = ["deciding", "recordings", *of("support", "channel_units mujoco_setup visual_meshes"), *CATALOGUE]
 PROOF += of("diagnosis", "freed_model held_out")
-PROOF += of("simulation", "added_forces horizon inputs model_pool nonsmooth servo_steps simulator state_guess windows")
+PROOF += of(
+    "simulation",
+    "added_forces horizon hypothesis inputs model_pool nonsmooth servo_steps simulator state_guess window_fit windows",
+)
 PROOF += of("smoothing", "noise_levels parameters prepare servo_lag smoother states step stretches time_step")
-PROOF += of("smoothing/dynamics", "dry_friction inverse laws linear response sampled_commands track")
+PROOF += of(
+    "smoothing/dynamics", "body_inertia dry_friction inverse laws linear plain_motors response sampled_commands track"
+)
 PROOF += of("smoothing/filter", "by_run kalman")
 FINDING = [*PROOF, *of("smoothing", "candidates columns simulated_laws"), "effects/classes"]
 FINDING += of(
@@ -83,7 +93,8 @@ FINDING += of(
     "forward one_round options refit_start regression search_scope servo_drives substitutes unnamed_rest",
 )
 FINDING += of(
-    "diagnosis/identifiability", "blind_spots judging motion_model proposed_motions quick_look sentences suspects"
+    "diagnosis/identifiability",
+    "advice blind_spots judging motion_model proposed_motions quick_look sentences suspects",
 )
 FINDING += of("diagnosis", "notes pipeline remainder") + of("diagnosis/wording", "certainty verdict")
 DESIGNING = of("diagnosis/experiments", "design_space next_experiment predicted_separation separating")

@@ -5,7 +5,8 @@ from dataclasses import replace
 import mujoco
 
 from fimpact.recordings import Recording, Unknown
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import smooth

@@ -8,17 +8,10 @@ from typing import Any
 import numpy as np
 
 from fimpact.recordings import Recording, Run
-from fimpact.simulation.horizon import (
-    Fit,
-    Starts,
-    errors_of,
-    fit_windows,
-    refit,
-    step_error,
-    window_starts,
-    windows_of,
-)
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.horizon import errors_of, windows_of
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
+from fimpact.simulation.window_fit import Fit, Starts, fit_windows, refit, step_error, window_starts
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared, measured_states
 from fimpact.smoothing.smoother import smooth

@@ -20,7 +20,8 @@ from fimpact.recordings import Recording
 from fimpact.selection.forward import Explanation, explain
 from fimpact.selection.one_round import Round
 from fimpact.selection.search_scope import Limits
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.prepare import Prepared, prepare
 
 SCHEMA = 3

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import HELD, MOTORS, State
+from fimpact.effects.law_inputs import HELD, MOTORS, State
 from fimpact.effects.sites import driven, drives
 
 

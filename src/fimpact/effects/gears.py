@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import State
 from fimpact.effects.drives import ahead_of, is_servo, motor_force
+from fimpact.effects.law_inputs import State
 
 PARTS = 4  # of a step, in each of which a rotor is either loose or at one end of its play
 

@@ -21,8 +21,9 @@ from fimpact.export.callback import SourceBundle, as_source_list
 from fimpact.export.mjcf import carry_assets, exact, sharpen
 from fimpact.export.replay import CALLBACK, PAST, XML, Replay, stateful
 from fimpact.recordings import FIELDS, Recording
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.nonsmooth import make_friction_exact
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.state_guess import noise_level
 from fimpact.simulation.windows import Windows
 

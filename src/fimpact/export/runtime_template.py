@@ -8,8 +8,8 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import Signal, State
 from fimpact.effects.gears import coupled, encoders
+from fimpact.effects.law_inputs import Signal, State
 from fimpact.simulation.inputs import FINER
 
 # Each law comes with the name of its site and its values.

@@ -12,12 +12,13 @@ import pandas as pd
 
 from fimpact.paper import reference_simulator
 from fimpact.paper.contact_implicit.plan import Plan, planner
-from fimpact.paper.design import Task, transcribe
+from fimpact.paper.design import transcribe
 from fimpact.paper.information.fisher import fisher
 from fimpact.paper.information.programs import programs
 from fimpact.paper.reach import contact_free, first_task
 from fimpact.paper.systems import System, make_system
 from fimpact.paper.systems.base import total_contact_force
+from fimpact.paper.task import Task
 from fimpact.paper.trial import draw_truth, stream
 
 COLUMNS = (

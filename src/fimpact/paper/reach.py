@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 
 from fimpact.paper import reference_simulator
-from fimpact.paper.design import Task, fisher, uniform
+from fimpact.paper.design import fisher, uniform
 from fimpact.paper.estimate import beliefs, untried
 from fimpact.paper.forecast import forecaster
 from fimpact.paper.information.fisher import identifiability
 from fimpact.paper.search import Campaign
 from fimpact.paper.systems import System, make_system
+from fimpact.paper.task import Task
 from fimpact.paper.trial import draw_truth, information, prior_precision, stream
 
 CLEAR = 0.1  # share of the starting gap that a contact-free candidate keeps

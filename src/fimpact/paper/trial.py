@@ -13,12 +13,13 @@ import numpy as np
 import pandas as pd
 
 from fimpact.paper import reference_simulator
-from fimpact.paper.design import METHODS, Design, Task
+from fimpact.paper.design import METHODS
 from fimpact.paper.estimate import FAR, Estimate, beliefs, estimate, untried
 from fimpact.paper.information.fisher import fisher
 from fimpact.paper.information.programs import programs
 from fimpact.paper.search import Campaign
 from fimpact.paper.systems import System, make_system
+from fimpact.paper.task import Design, Task
 
 Z95 = 1.959964  # two-sided 95 % quantile of the normal distribution
 

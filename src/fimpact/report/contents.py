@@ -19,7 +19,8 @@ from fimpact.export.replay import XML
 from fimpact.recordings import Run
 from fimpact.report.film import draw_film
 from fimpact.report.numbers import short
-from fimpact.simulation.horizon import MOST_WINDOWS, Starts, predict_windows
+from fimpact.simulation.horizon import MOST_WINDOWS, predict_windows
+from fimpact.simulation.window_fit import Starts
 from fimpact.simulation.windows import cut
 
 DATA, FIGURES, FILM, TIMING = "diagnosis.json", "figures", "motion.gif", "timing.json"

@@ -20,7 +20,8 @@ from fimpact.report.plotting.gif import write_gif
 from fimpact.report.plotting.scene import Scene, outline
 from fimpact.report.plotting.stroboscopic import View, common_view, draw_bodies, draw_world, geoms, set_up
 from fimpact.report.poses import configurations, scene_of, undrawable
-from fimpact.simulation.horizon import MOST_WINDOWS, Starts, window_starts
+from fimpact.simulation.horizon import MOST_WINDOWS
+from fimpact.simulation.window_fit import Starts, window_starts
 from fimpact.simulation.windows import cut
 from fimpact.support.channel_units import channel_unit
 

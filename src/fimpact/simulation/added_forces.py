@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import Placed, State
+from fimpact.effects.base import Placed
 from fimpact.effects.gears import Coupling, coupled, encoders
+from fimpact.effects.law_inputs import State
 
 LAWS = ("force", "friction", "gear")  # asked once per step
 WRITES = ("friction", "gear")  # change fields of the model from step to step, other ones in each window

@@ -16,11 +16,12 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from fimpact.effects.base import Placed, Signal, State
+from fimpact.effects.law_inputs import Signal, State
 from fimpact.effects.native import editable
 from fimpact.effects.sites import NO_CONTACT, can_touch
 from fimpact.recordings import FIELDS, Recording, spec_of
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.inputs import InputSignal
 from fimpact.simulation.model_pool import ModelPool
 from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
@@ -37,19 +38,8 @@ CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIE
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 NO_CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
+
 hush()
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """Values of the recording's unknowns, (p,), and the effects that are added."""
-
-    theta: np.ndarray
-    placed: tuple[Placed, ...] = ()
-
-    def of_kind(self, *enters: str) -> list[Placed]:
-        """Effects that enter in one of these ways."""
-        return [placed for placed in self.placed if placed.effect.enters in enters]
 
 
 @dataclass(frozen=True)

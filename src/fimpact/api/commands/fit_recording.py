@@ -19,7 +19,8 @@ from fimpact.effects.base import Effect, words
 from fimpact.effects.plugins import load_effects
 from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import Smoothed, smooth
 

@@ -13,7 +13,7 @@ from fimpact.benchmark.comparators.toolboxes import black_box, fit_sysid
 from fimpact.diagnosis.freed_model import freed
 from fimpact.diagnosis.held_out import prove
 from fimpact.recordings import Recording
-from fimpact.simulation.simulator import Hypothesis
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.smoother import smooth
 

@@ -21,7 +21,7 @@ from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
 from fimpact.selection.regression import Regression
-from fimpact.simulation.simulator import Hypothesis
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.smoothing.candidates import candidates
 from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.prepare import Prepared, prepare

@@ -25,7 +25,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.effects.sites import driven, drives
 from fimpact.recordings import Recording
-from fimpact.simulation.simulator import Hypothesis
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.smoother import smooth
 

@@ -9,7 +9,8 @@ from itertools import product
 
 import numpy as np
 
-from fimpact.effects.base import Effect, Placed, State
+from fimpact.effects.base import Effect, Placed
+from fimpact.effects.law_inputs import State
 
 FEATURES = 200
 WIDTHS = (1.0, 2.0, 4.0)  # of the kernel, in standard deviations of the inputs

@@ -14,7 +14,7 @@ import numpy as np
 from fimpact.benchmark.comparators.free_parameters import Knobs
 from fimpact.benchmark.comparators.random_features import learn_force
 from fimpact.diagnosis.held_out import QUICK
-from fimpact.simulation.simulator import Hypothesis
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.windows import Windows, cut
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed

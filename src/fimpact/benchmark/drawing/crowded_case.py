@@ -6,7 +6,7 @@ from math import ceil
 
 import numpy as np
 
-from fimpact.benchmark.drawing.detectability import cut, equivalent_force, models, oracle_sd, predict, pulses
+from fimpact.benchmark.drawing.detectability import equivalent_force, oracle_sd
 from fimpact.benchmark.drawing.effect_size import NEAR, SEARCHES, Stage, Trace, Unfit, planted_windows, seen, trace
 from fimpact.benchmark.drawing.ingredients import (
     check_stable,
@@ -18,6 +18,7 @@ from fimpact.benchmark.drawing.ingredients import (
     together,
 )
 from fimpact.benchmark.drawing.motions import draw_motion
+from fimpact.benchmark.drawing.tangents import cut, models, predict, pulses
 from fimpact.benchmark.planting.crowd import ODD, TYPICAL, Member, bare, draw_members, filled
 from fimpact.benchmark.planting.ground_truth import new_world, play
 from fimpact.benchmark.planting.out_of_catalogue import known

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.benchmark.drawing.crowded_case import draw_crowd
-from fimpact.benchmark.drawing.detectability import models
 from fimpact.benchmark.drawing.effect_size import Trace, Unfit, fit_size, glance, seen, trace, whole
 from fimpact.benchmark.drawing.ingredients import (
     check_stable,
@@ -18,6 +17,7 @@ from fimpact.benchmark.drawing.ingredients import (
 )
 from fimpact.benchmark.drawing.motions import draw_motion
 from fimpact.benchmark.drawing.separable import SPLIT, best_split
+from fimpact.benchmark.drawing.tangents import models
 from fimpact.benchmark.planting.confusable_pairs import TWINS
 from fimpact.benchmark.planting.out_of_catalogue import STRANGERS, known
 from fimpact.benchmark.planting.planted_effects import PLANTS

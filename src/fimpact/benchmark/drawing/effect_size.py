@@ -5,24 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from fimpact.benchmark.drawing.detectability import (
-    Seen,
-    Tangents,
-    White,
-    Windows,
-    absorb,
-    coloured,
-    cut,
-    gather,
-    loudness,
-    models,
-    noise_of,
-    predict,
-    see,
-    tangents,
-    whitener,
-)
+from fimpact.benchmark.drawing.detectability import Seen, White, absorb, coloured, loudness, noise_of, see, whitener
 from fimpact.benchmark.drawing.motions import Motion
+from fimpact.benchmark.drawing.tangents import Tangents, Windows, cut, gather, models, predict, tangents
 from fimpact.benchmark.planting.ground_truth import new_world, play
 from fimpact.benchmark.planting.out_of_catalogue import plant
 from fimpact.benchmark.planting.plant import Plant, Values

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.benchmark.drawing.detectability import Tangents, left_over, noise_of, tangents, whitener
+from fimpact.benchmark.drawing.detectability import left_over, noise_of, whitener
 from fimpact.benchmark.drawing.effect_size import Stage, Trace, planted_windows
 from fimpact.benchmark.drawing.motions import Motion
+from fimpact.benchmark.drawing.tangents import Tangents, tangents
 
 TRIED = 24  # random experiments
 KNOTS = 8  # per motor, between which commands are linear; every other experiment has a square wave on top

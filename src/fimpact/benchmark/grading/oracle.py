@@ -8,7 +8,7 @@ from fimpact.diagnosis.held_out import prove
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
-from fimpact.simulation.simulator import Hypothesis
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from fimpact.benchmark.planting import bodies as bodies
-from fimpact.benchmark.planting import joints as joints
-from fimpact.benchmark.planting import signals as signals
+from fimpact.benchmark.planting import bodies, contacts, joints, servos, signals
 from fimpact.benchmark.planting.ground_truth import World
 from fimpact.benchmark.planting.plant import Plant, Values
 from fimpact.benchmark.planting.planted_effects import (
@@ -96,7 +94,7 @@ STRANGERS = {
         _blow,
     ),
     "sticky": Plant(
-        bodies.sticky,
+        contacts.sticky,
         {BLOCK: ("mat",), PRESS: ("wall",)},
         lambda size: {"force": size, "reach": 0.02},
         0.5,
@@ -104,7 +102,7 @@ STRANGERS = {
         mode="contact",
     ),
     "wavy_ground": Plant(
-        bodies.wavy_ground,
+        contacts.wavy_ground,
         {BLOCK: ("mat",), PRESS: ("wall",)},
         lambda size: {"height": size, "length": 0.06},
         5e-4,
@@ -126,7 +124,7 @@ STRANGERS = {
         signed=True,
     ),
     "wound_integral": Plant(
-        joints.wound_integral,
+        servos.wound_integral,
         {name: ROBOTS_M[name] for name in (SERVO, LEG)},
         lambda size, rate: {"limit": size, "rate": rate},
         0.03,

@@ -4,9 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fimpact.benchmark.planting import bodies as bodies
-from fimpact.benchmark.planting import joints as joints
-from fimpact.benchmark.planting import signals as signals
+from fimpact.benchmark.planting import bodies, contacts, joints, servos, signals
 from fimpact.benchmark.planting.plant import Plant, Values
 
 FREE, PRESS, BLOCK = "arm_free", "arm_contact", "block"
@@ -166,7 +164,7 @@ PLANTS = {
     "torque_offset": _motor(signals.torque_offset, "offset", 0.003, 0.8, signed=True, power=1),
     "servo_kp": Plant(signals.servo_kp, {LEG: ROBOTS_M[LEG]}, _one("change"), 0.01, 0.5, signed=True),
     "servo_kv": Plant(signals.servo_kv, {LEG: ROBOTS_M[LEG]}, _one("change"), 0.02, 0.8, signed=True),
-    "deadband": Plant(joints.deadband, {SERVO: ROBOTS_M[SERVO]}, _one("width"), 0.01, 0.3),
+    "deadband": Plant(servos.deadband, {SERVO: ROBOTS_M[SERVO]}, _one("width"), 0.01, 0.3),
     "target_resolution": Plant(signals.target_resolution, {SERVO: ROBOTS_M[SERVO]}, _one("step"), 0.01, 0.2),
     "payload": Plant(
         bodies.payload,
@@ -199,13 +197,13 @@ PLANTS = {
     ),
     "linear_drag": Plant(bodies.linear_drag, _arms(OUTER) | {BLOCK: ("block",)}, _one("coefficient"), 0.01, 5.0),
     "quadratic_drag": Plant(bodies.quadratic_drag, _arms(OUTER) | {BLOCK: ("block",)}, _one("coefficient"), 0.01, 5.0),
-    "ground_height": _contact(bodies.ground_height, GROUND, "height", 1e-4, 0.02, signed=True),
-    "ground_tilt": _contact(bodies.ground_tilt, GROUND, "tilt_y", 1e-3, 0.15, signed=True),
-    "sliding_friction": _contact(bodies.sliding_friction, TOUCH, "change", 0.01, 0.29, signed=True),
-    "contact_stiffness": _contact(bodies.contact_stiffness, TOUCH, "change", 0.02, 0.8, signed=True),
-    "contact_damping": _contact(bodies.contact_damping, TOUCH, "change", 0.02, 0.8, signed=True),
-    "rolling_friction": _contact(bodies.rolling_friction, TOUCH, "coefficient", 1e-4, 0.02),
-    "rounded_edge": _contact(bodies.rounded_edge, {BLOCK: ("mat",)}, "radius", 1e-4, 0.02),
+    "ground_height": _contact(contacts.ground_height, GROUND, "height", 1e-4, 0.02, signed=True),
+    "ground_tilt": _contact(contacts.ground_tilt, GROUND, "tilt_y", 1e-3, 0.15, signed=True),
+    "sliding_friction": _contact(contacts.sliding_friction, TOUCH, "change", 0.01, 0.29, signed=True),
+    "contact_stiffness": _contact(contacts.contact_stiffness, TOUCH, "change", 0.02, 0.8, signed=True),
+    "contact_damping": _contact(contacts.contact_damping, TOUCH, "change", 0.02, 0.8, signed=True),
+    "rolling_friction": _contact(contacts.rolling_friction, TOUCH, "coefficient", 1e-4, 0.02),
+    "rounded_edge": _contact(contacts.rounded_edge, {BLOCK: ("mat",)}, "radius", 1e-4, 0.02),
     "sensor_bias": Plant(
         signals.bias,
         {FREE: ENCODERS[1:], PRESS: ENCODERS[1:] + HAND, BLOCK: IMU, LEG: ("imu[2]",)},

@@ -11,8 +11,10 @@ from itertools import combinations
 import numpy as np
 from scipy.linalg import block_diag
 
-from fimpact.effects.base import Effect, Placed, State
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.effects.base import Effect, Placed
+from fimpact.effects.law_inputs import State
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.windows import Windows
 from fimpact.smoothing.parameters import parameters
 from fimpact.smoothing.states import States, tangent

@@ -9,7 +9,8 @@ from cmaes import CMA
 from fimpact.diagnosis.experiments.design_space import Limits, limits
 from fimpact.diagnosis.experiments.predicted_separation import Known, separations, unknown_information
 from fimpact.recordings import Recording
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 
 POOL = 24  # random experiments to start from, a third of them smaller than the limits allow, a third with square waves
 POPULATION, GENERATIONS = 8, 24  # of the search that follows

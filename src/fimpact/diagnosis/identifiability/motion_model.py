@@ -11,8 +11,9 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import Placed, State
+from fimpact.effects.base import Placed
 from fimpact.effects.drives import motor_force
+from fimpact.effects.law_inputs import State
 from fimpact.effects.sites import driven, drives
 from fimpact.recordings import FIELDS
 from fimpact.smoothing.dynamics.inverse import EDITED, Inverse

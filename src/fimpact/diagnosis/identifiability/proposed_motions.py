@@ -5,13 +5,23 @@ They keep to speeds that the recordings have, and to the ranges of joints and mo
 """
 
 import copy
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import mujoco
 import numpy as np
 
+from fimpact.diagnosis.identifiability.advice import (
+    LONGER,
+    SLOW,
+    Advice,
+    Lazy,
+    Wave,
+    force_needed,
+    steady_wave,
+    sweeping_wave,
+)
 from fimpact.diagnosis.identifiability.judging import NEEDED, Judge
 from fimpact.diagnosis.identifiability.motion_model import Commands, Motion
 from fimpact.diagnosis.identifiability.quick_look import Sight, pace, reach
@@ -19,44 +29,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.sites import HINGE, NO_CONTACT, SLIDE, driven, drives
 
 SAMPLES = 150  # of a motion
-SLOW = 4.0  # times slower is the slower of two speeds, and is the beginning of a sweep
-ROUND = 0.98  # how sharply a joint turns back: 1 is at once
 ROOM = 0.8  # of the way to the end of a joint's range
-
-
-@dataclass(frozen=True)
-class Advice:
-    """A motion, None: what was recorded, as long again. joint: that moves alone, or "" where all do; how: in words,
-    "there and back at 0.5 rad/s"."""
-
-    joint: str
-    how: str
-    motion: Motion | None
-
-
-LONGER = Advice("", "", None)  # as much again of what was recorded
-
-
-@dataclass(frozen=True)
-class Wave:
-    """Positions of a joint, m or rad, at times in s, for so many seconds, and beyond them again."""
-
-    at: Callable[[np.ndarray], np.ndarray]
-    lasts: float
-
-
-class _Lazy:
-    """What an iterator gives, as far as anybody asked."""
-
-    def __init__(self, source: Iterator[Advice]):
-        self.source = source
-        self.known: list[Advice] = []
-
-    def __iter__(self) -> Iterator[Advice]:
-        yield from self.known
-        for one in self.source:
-            self.known.append(one)
-            yield one
 
 
 class Advisor:
@@ -148,7 +121,7 @@ class Advisor:
         """Motions of each joint that a motor drives, alone."""
         if any(int(kind) not in (HINGE, SLIDE) for kind in self.model.jnt_type):
             return {}
-        return {joint: _Lazy(self._alone(joint)) for joint in driven(self.model)}
+        return {joint: Lazy(self._alone(joint)) for joint in driven(self.model)}
 
     def _alone(self, joint: str) -> Iterator[Advice]:
         row = self.model.joint(joint)
@@ -156,9 +129,12 @@ class Advisor:
         unit, slow = "m/s" if slides else "rad/s", self._speed(joint) / SLOW
         way = self._way(joint)
         for how, waves in (
-            (f"there and back at {slow:.2g} {unit}", (_steady(way, slow),)),
-            (f"there and back, at {slow:.2g} and at {fast:.2g} {unit}", (_steady(way, slow), _steady(way, fast))),
-            (f"to and fro, faster and faster up to {fast:.2g} {unit}", (_sweep(way, fast),)),
+            (f"there and back at {slow:.2g} {unit}", (steady_wave(way, slow),)),
+            (
+                f"there and back, at {slow:.2g} and at {fast:.2g} {unit}",
+                (steady_wave(way, slow), steady_wave(way, fast)),
+            ),
+            (f"to and fro, faster and faster up to {fast:.2g} {unit}", (sweeping_wave(way, fast),)),
         ):
             found = self._played([{joint: wave} for wave in waves])
             if found is not None:
@@ -174,7 +150,8 @@ class Advisor:
         found, names = [], list(self.alone)
         paces = {joint: 0.6 ** (k / max(len(names) - 1, 1)) * self._speed(joint) for k, joint in enumerate(names)}
         moves = [
-            {joint: _steady(self._way(joint), speed / part) for joint, speed in paces.items()} for part in (SLOW, 1.0)
+            {joint: steady_wave(self._way(joint), speed / part) for joint, speed in paces.items()}
+            for part in (SLOW, 1.0)
         ]
         how = "move all joints at once, there and back, each at its own rhythm, slowly and fast"
         every = self._played(moves) if len(names) > 1 else None
@@ -243,7 +220,7 @@ class Advisor:
     def _commands(self, motion: Motion, model: mujoco.MjModel) -> np.ndarray | None:
         """Commands, (N, nu), under which the motors of `model` give what the motion needs."""
         out = np.zeros((motion.count, model.nu))
-        needed, state = _needed(motion, model), motion.state(model)
+        needed, state = force_needed(motion, model), motion.state(model)
         for joint in driven(model):
             (dof, position, speed), motor = state.joint(joint), drives(model, joint)[0]
             gear, gain, bias = (
@@ -282,35 +259,3 @@ class Advisor:
         effect.law(own, self._last(), mass=weight, place=probe["place"])
         own.opt.disableflags |= NO_CONTACT
         return own
-
-
-def _needed(motion: Motion, model: mujoco.MjModel) -> np.ndarray:
-    """Force, (N, nv), that motors have to give."""
-    out, data = np.empty_like(motion.qvel), mujoco.MjData(model)
-    for k in range(motion.count):
-        data.qpos[:], data.qvel[:], data.qacc[:] = motion.qpos[k], motion.qvel[k], motion.qacc[k]
-        mujoco.mj_inverse(model, data)
-        out[k] = data.qfrc_inverse
-    return out
-
-
-def _steady(way: tuple[float, float], speed: float) -> Wave:
-    """Twice there and back at nearly one speed."""
-    (middle, half), lasts = way, 8 * way[1] / speed
-
-    def at(time: np.ndarray) -> np.ndarray:
-        return middle + half * np.arcsin(ROUND * np.sin(4 * np.pi * time / lasts)) / np.arcsin(ROUND)
-
-    return Wave(at, lasts)
-
-
-def _sweep(way: tuple[float, float], speed: float) -> Wave:
-    """To and fro, some five times, `SLOW` times as often at the end: at no time much faster than `speed`."""
-    middle, first = way[0], speed / way[1]
-    lasts = 20 * np.pi / first / (1 + SLOW)
-
-    def at(time: np.ndarray) -> np.ndarray:
-        rate = first * (1 + (SLOW - 1) * time / lasts)
-        return middle + speed / rate * np.sin(first * time * (1 + (SLOW - 1) * time / lasts / 2))
-
-    return Wave(at, lasts)

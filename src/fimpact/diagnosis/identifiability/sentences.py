@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from fimpact.diagnosis.identifiability.advice import Advice
 from fimpact.diagnosis.identifiability.judging import Asked, Judged
-from fimpact.diagnosis.identifiability.proposed_motions import Advice, Advisor
+from fimpact.diagnosis.identifiability.proposed_motions import Advisor
 from fimpact.diagnosis.identifiability.quick_look import Sight
 from fimpact.effects.base import RIGID_BODIES
 from fimpact.effects.classes import TITLES

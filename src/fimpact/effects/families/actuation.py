@@ -5,7 +5,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from fimpact.effects import priors, sites, typical
-from fimpact.effects.base import MOTOR, Coefficient, Effect, Signal
+from fimpact.effects.base import MOTOR, Coefficient, Effect
+from fimpact.effects.law_inputs import Signal
 from fimpact.effects.native import exporting
 from fimpact.effects.sites import ALL
 

@@ -4,8 +4,9 @@ import mujoco
 import numpy as np
 
 from fimpact.effects import priors, sites, typical
-from fimpact.effects.base import Coefficient, Effect, State
+from fimpact.effects.base import Coefficient, Effect
 from fimpact.effects.families.structure import quaternion
+from fimpact.effects.law_inputs import State
 from fimpact.effects.native import exporting
 
 NO_MIDPHASE = mujoco.mjtDisableBit.mjDSBL_MIDPHASE

@@ -3,8 +3,9 @@
 import numpy as np
 
 from fimpact.effects import priors, sites, typical
-from fimpact.effects.base import FRICTION, Coefficient, Effect, State
+from fimpact.effects.base import FRICTION, Coefficient, Effect
 from fimpact.effects.drives import motor_force
+from fimpact.effects.law_inputs import State
 from fimpact.effects.native import exact_dry_friction, exporting
 
 MODELS = "Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"

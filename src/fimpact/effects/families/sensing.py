@@ -4,8 +4,9 @@ import mujoco
 import numpy as np
 
 from fimpact.effects import priors, sites, typical
-from fimpact.effects.base import SENSING, Coefficient, Effect, Signal
+from fimpact.effects.base import SENSING, Coefficient, Effect
 from fimpact.effects.families.structure import quaternion
+from fimpact.effects.law_inputs import Signal
 from fimpact.effects.sites import ALL, component, measured_by
 
 LATE = "buses and filters hold back by a few samples, at most some 50 ms"

@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 
 from fimpact.effects import priors, sites, typical
-from fimpact.effects.base import MOTOR, Coefficient, Effect, Signal, State
+from fimpact.effects.base import MOTOR, Coefficient, Effect
 from fimpact.effects.drives import driven_joints, motor_force, position_servo, within
+from fimpact.effects.law_inputs import Signal, State
 from fimpact.effects.native import exporting
 
 SERVO = "MuJoCo documentation, XML reference, actuator/position"

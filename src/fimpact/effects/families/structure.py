@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 
 from fimpact.effects import priors, sites, typical
-from fimpact.effects.base import STRUCTURE, Coefficient, Effect, State
+from fimpact.effects.base import STRUCTURE, Coefficient, Effect
+from fimpact.effects.law_inputs import State
 from fimpact.effects.native import exporting
 
 DOWN = np.array([0.0, 0.0, -9.81])  # m/s^2, for a model without gravity: a mechanism that lies in a horizontal plane

@@ -3,8 +3,9 @@
 import numpy as np
 
 from fimpact.effects import gears, priors, sites, typical
-from fimpact.effects.base import TRANSMISSION, Coefficient, Effect, State
+from fimpact.effects.base import TRANSMISSION, Coefficient, Effect
 from fimpact.effects.drives import motor_force
+from fimpact.effects.law_inputs import State
 from fimpact.effects.sites import DRAGS
 
 # Per turn; further apart, what lies between two of them would be seen by neither. With fewer than four, which is what a

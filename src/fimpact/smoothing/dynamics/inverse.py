@@ -10,8 +10,9 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fimpact.effects.sites import ON_JOINT
+from fimpact.smoothing.dynamics.body_inertia import by_moments, carried_bodies, cross_matrix, inertial_parameters
 from fimpact.smoothing.dynamics.laws import middle
+from fimpact.smoothing.dynamics.plain_motors import given_by, is_plain
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import BALL, FREE, States
 
@@ -96,7 +97,7 @@ class Inverse:
         """Whether a sensor feels what an edited body weighs, not only how it moves."""
         changed = [(getattr(after, n) != getattr(before, n)).reshape(after.nbody, -1).any(1) for n in INERTIAL]
         edited = np.any(changed, axis=0) | (after.opt.gravity != before.opt.gravity).any()
-        return any(edited[_carried(self.model, int(self.model.site_bodyid[site]))].any() for site in self._scales)
+        return any(edited[carried_bodies(self.model, int(self.model.site_bodyid[site]))].any() for site in self._scales)
 
     def _shown(self, edited: set[str]) -> bool:
         """Whether a sensor shows the edit itself: accelerometers gravity, others where a body's mass lies."""
@@ -164,18 +165,18 @@ class Inverse:
         turn, spin, push = velocity[:, :3], acceleration[:, :3], acceleration[:, 3:]
         # Forces and moments, (N, 3, 10), of each parameter, in the body's axes about its origin.
         force, moment = np.zeros((2, len(turn), 3, 10))
-        turning = _cross(turn)
+        turning = cross_matrix(turn)
         force[:, :, 0] = push
-        force[:, :, 1:4] = _cross(spin) + turning @ turning
-        moment[:, :, 1:4] = -_cross(push)
-        moment[:, :, 4:] = _by_moments(spin) + turning @ _by_moments(turn)
+        force[:, :, 1:4] = cross_matrix(spin) + turning @ turning
+        moment[:, :, 1:4] = -cross_matrix(push)
+        moment[:, :, 4:] = by_moments(spin) + turning @ by_moments(turn)
         jacobian = self._jacobian(body, place, axes, cdof, centre)
         out = np.einsum("kji,kip->kjp", jacobian[..., :3], force) + np.einsum("kji,kip->kjp", jacobian[..., 3:], moment)
         weight = np.zeros((len(turn), len(jacobian[0]), 4, 3))
         back = axes.swapaxes(1, 2)  # of the world in the body's axes
         weight[:, :, 0] = jacobian[..., :3] @ back
         for a, unit in enumerate(np.eye(3)):
-            weight[:, :, 1 + a] = jacobian[..., 3:] @ (_cross(np.tile(unit, (len(turn), 1))) @ back)
+            weight[:, :, 1 + a] = jacobian[..., 3:] @ (cross_matrix(np.tile(unit, (len(turn), 1))) @ back)
         return out, weight
 
     def _jacobian(self, body: int, place, axes, cdof, centre) -> np.ndarray:
@@ -196,7 +197,7 @@ class Inverse:
     def _moved(self, after: mujoco.MjModel, before: mujoco.MjModel) -> np.ndarray:
         out = np.zeros_like(self.qvel)
         for body in range(1, self.model.nbody):
-            change = _inertial_parameters(after, body) - _inertial_parameters(before, body)
+            change = inertial_parameters(after, body) - inertial_parameters(before, body)
             if change.any():
                 force, weight = self.regressor(body)
                 out += force @ change - np.einsum("kjpg,p,g->kj", weight, change[:4], _gravity(after))
@@ -205,7 +206,7 @@ class Inverse:
     def _inertial(self, model: mujoco.MjModel) -> np.ndarray:
         out = np.zeros_like(self.qvel)
         for body in range(1, model.nbody):
-            own = _inertial_parameters(model, body)
+            own = inertial_parameters(model, body)
             force, weight = self.regressor(body)
             out += force @ own - np.einsum("kjpg,p,g->kj", weight, own[:4], _gravity(model))
         return out
@@ -240,64 +241,6 @@ class Inverse:
         return out
 
 
-def is_plain(model: mujoco.MjModel, motor: int) -> bool:
-    """Whether a motor gives a hinge or a slide what its command says, at once."""
-    joint = model.actuator_trnid[motor, 0]
-    return bool(
-        model.actuator_trntype[motor] == ON_JOINT
-        and model.jnt_type[joint] not in (FREE, BALL)
-        and not model.jnt_actfrclimited[joint]
-        and model.actuator_dyntype[motor] == mujoco.mjtDyn.mjDYN_NONE
-        and model.actuator_gaintype[motor] == mujoco.mjtGain.mjGAIN_FIXED
-        and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
-    )
-
-
-def given_by(model: mujoco.MjModel, motor: int, ctrl: np.ndarray) -> np.ndarray:
-    """Force of a plain motor on its joint under commands `ctrl`, within its limits."""
-    if model.actuator_ctrllimited[motor]:
-        ctrl = np.clip(ctrl, *model.actuator_ctrlrange[motor])
-    force = model.actuator_gainprm[motor, 0] * ctrl
-    if model.actuator_forcelimited[motor]:
-        force = np.clip(force, *model.actuator_forcerange[motor])
-    return force * model.actuator_gear[motor, 0]
-
-
-def _carried(model: mujoco.MjModel, body: int) -> np.ndarray:
-    """Which bodies hang on `body`, itself among them, (nb,)."""
-    out = np.zeros(model.nbody, bool)
-    out[body] = True
-    for own in range(body + 1, model.nbody):
-        out[own] = out[model.body_parentid[own]]
-    return out
-
-
 def _gravity(model: mujoco.MjModel) -> np.ndarray:
     off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     return np.zeros(3) if off else model.opt.gravity
-
-
-def _inertial_parameters(model: mujoco.MjModel, body: int) -> np.ndarray:
-    """Mass, first moments and moments of inertia about the body's origin, (10,), in its axes."""
-    turned, mass, centre = np.empty(9), model.body_mass[body], model.body_ipos[body]
-    mujoco.mju_quat2Mat(turned, model.body_iquat[body])
-    axes = turned.reshape(3, 3)
-    full = axes * model.body_inertia[body] @ axes.T
-    full = full + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    return np.array([mass, *(mass * centre), *np.diag(full), full[0, 1], full[0, 2], full[1, 2]])
-
-
-def _cross(rows: np.ndarray) -> np.ndarray:
-    """Matrices, (N, 3, 3), of the cross product with each of `rows`, (N, 3)."""
-    out = np.zeros((len(rows), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -rows[:, 2], rows[:, 1], -rows[:, 0]
-    return out - out.swapaxes(1, 2)
-
-
-def _by_moments(rows: np.ndarray) -> np.ndarray:
-    """Inertia times each of `rows` as a matrix, (N, 3, 6), of its moments xx, yy, zz, xy, xz, yz."""
-    x, y, z = rows.T
-    none = np.zeros_like(x)
-    return np.array([[x, none, none, y, z, none], [none, y, none, x, none, z], [none, none, z, none, x, y]]).transpose(
-        2, 0, 1
-    )

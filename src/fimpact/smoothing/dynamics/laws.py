@@ -13,9 +13,10 @@ import mujoco
 import numpy as np
 from scipy.special import erf
 
-from fimpact.effects.base import Placed, State
+from fimpact.effects.base import Placed
 from fimpact.effects.drives import Ahead, ahead_of, is_servo, motor_force
 from fimpact.effects.gears import Shaft, encoders
+from fimpact.effects.law_inputs import State
 from fimpact.effects.sites import ON_JOINT
 from fimpact.smoothing.states import States
 

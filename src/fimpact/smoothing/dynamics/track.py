@@ -11,10 +11,11 @@ import numpy as np
 from fimpact.effects.base import Placed
 from fimpact.effects.sites import can_touch
 from fimpact.recordings import Recording, Run
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.inputs import FINER as PIECES
 from fimpact.simulation.nonsmooth import stop_within_a_step
 from fimpact.simulation.servo_steps import is_long
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.state_guess import believed_noise
 from fimpact.simulation.windows import Windows, cut
 from fimpact.smoothing.dynamics.dry_friction import Rubbing, rubbing
