@@ -74,23 +74,24 @@ READ += of("cases/models", "compiling naive plausible")
 READ += of("cases/readers", "arrays arrow_tables columns files lerobot ros texts")
 READ += of(
     "cases/consistency",
-    "balance checks columns_alone dynamics exchanged kinematics measured_motion misreadings sensor_ties servo_ties ties",
+    "balance checks columns_alone dynamics exchanged kinematics measured_motion misreadings sensor_ties servo_ties silent_columns ties",
 )
 PROOF = ["deciding", "recordings", *of("support", "channel_units mujoco_setup visual_meshes"), *CATALOGUE]
 PROOF += of("diagnosis", "freed_model held_out")
 PROOF += of(
     "simulation",
-    "added_forces horizon hypothesis inputs model_pool nonsmooth servo_steps simulator state_guess window_fit windows",
+    "added_forces compiled horizon hypothesis inputs model_pool nonsmooth servo_steps simulator state_guess window_fit windows",
 )
 PROOF += of("smoothing", "noise_levels parameters prepare servo_lag smoother states step stretches time_step")
 PROOF += of(
-    "smoothing/dynamics", "body_inertia dry_friction inverse laws linear plain_motors response sampled_commands track"
+    "smoothing/dynamics",
+    "body_inertia dry_friction inverse laws linear plain_motors response sampled_commands side_by_side track",
 )
 PROOF += of("smoothing/filter", "by_run kalman")
 FINDING = [*PROOF, *of("smoothing", "candidates columns simulated_laws"), "effects/classes"]
 FINDING += of(
     "selection",
-    "forward one_round options refit_start regression search_scope servo_drives substitutes unnamed_rest",
+    "explain forward one_round options refit_start regression search_scope servo_drives substitutes unnamed_rest",
 )
 FINDING += of(
     "diagnosis/identifiability",

@@ -25,8 +25,7 @@ class Shaft:
 
     torque (n,): the motor's over the step, N m or N. speed (n,): the link's. rotor: inertia on the motor's side, the
     joint's `armature`, kg m^2 or kg, one for all or (n,). step: s. memory: what a gear law keeps, empty at the start of
-    a window. servo: of (lead, rate), (n,) each, what the motor gives where it really is (`drives.Ahead`); None:
-    `torque`.
+    a window. servo: of (lead, rate), (n,) each, what the motor gives where it is (`drives.Ahead`); None: `torque`.
     """
 
     torque: np.ndarray

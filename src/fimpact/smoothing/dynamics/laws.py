@@ -4,7 +4,7 @@ A law with a memory is carried along each run from its start. Dry friction is ta
 is known to some standard deviation only.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -14,18 +14,18 @@ import numpy as np
 from scipy.special import erf
 
 from fimpact.effects.base import Placed
-from fimpact.effects.drives import Ahead, ahead_of, is_servo, motor_force
+from fimpact.effects.drives import ahead_of, is_servo, motor_force
 from fimpact.effects.gears import Shaft, encoders
 from fimpact.effects.law_inputs import State
 from fimpact.effects.sites import ON_JOINT
 from fimpact.smoothing.states import States
 
-ABREAST = 2048  # rows that pass side by side at most: beyond, steps take as long as there are rows
-DRY = ("dof_frictionloss", "dof_solref", "dof_solimp")  # fields of dry friction
-_LATEST: WeakKeyDictionary = WeakKeyDictionary()  # of each track: states, and what gears did along them
-
 if TYPE_CHECKING:
     from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.dynamics.side_by_side import groups_of, longest_piece, shafts_abreast, values_of
+
+DRY = ("dof_frictionloss", "dof_solref", "dof_solimp")  # fields of dry friction
+_LATEST: WeakKeyDictionary = WeakKeyDictionary()  # of each track: states, and what gears did along them
 
 
 def expected_sign(speed: np.ndarray, doubt: np.ndarray) -> np.ndarray:
@@ -147,7 +147,7 @@ def _forces(track: "Track", laws: Sequence[Placed], states: States, tau: np.ndar
         elif law.effect.enters == "force":
             found[i] = law.effect.law(own, law.site, **law.values)
             remembering += [i] if own.remembers else []
-    for group in _groups(track, laws, {i: laws[i].site for i in remembering}):
+    for group in groups_of(track, laws, {i: laws[i].site for i in remembering}):
         for i, force in zip(group, _carried(track, [laws[i] for i in group], seen), strict=True):
             found[i] = force
     return found
@@ -155,39 +155,14 @@ def _forces(track: "Track", laws: Sequence[Placed], states: States, tau: np.ndar
 
 def _carried(track: "Track", laws: Sequence[Placed], seen: State) -> list[np.ndarray]:
     """Force, (N, nv), of each of `laws`, one effect at one site, as they remember each run from its start."""
-    (law, *_), rows, values = laws, track.pieces[0], _values(track, laws)
+    (law, *_), rows, values = laws, track.pieces[0], values_of(track, laws)
     out = np.zeros((len(laws) * len(rows), rows.shape[1], track.model.nv))
     memory: dict[object, object] = {}
-    for k, now in enumerate(np.tile(rows, (len(laws), 1)).T[: _needed(track)]):
+    for k, now in enumerate(np.tile(rows, (len(laws), 1)).T[: longest_piece(track)]):
         qpos, qvel, ctrl, time = (part[now] for part in (seen.qpos, seen.qvel, seen.ctrl, seen.time))
         here = State(track.model, qpos, qvel, ctrl, time, track.period, memory, {})
         out[:, k] = law.effect.law(here, law.site, **values)
     return [track.gathered(own) for own in np.split(out, len(laws))]
-
-
-def _groups(track: "Track", laws: Sequence[Placed], kinds: Mapping[int, object]) -> list[list[int]]:
-    """Laws that may pass side by side: of one effect and one of `kinds`, by index, and neutral in the same values."""
-    groups: dict[object, list[int]] = {}
-    for i, kind in kinds.items():
-        effect, values = laws[i].effect, laws[i].values
-        beside = tuple(np.sign(value - effect.neutral.get(name, 0.0)) for name, value in values.items())
-        key = (effect.name, effect.law, tuple(values), beside, kind) if effect.side_by_side else i
-        groups.setdefault(key, []).append(i)
-    most = max(1, ABREAST // len(track.pieces[0]))
-    return [group[a : a + most] for group in groups.values() for a in range(0, len(group), most)]
-
-
-def _values(track: "Track", laws: Sequence[Placed]) -> Mapping[str, np.ndarray | float]:
-    """Values of laws of one effect, as of one or for each row of their pieces, (n,)."""
-    if len(laws) == 1:
-        return laws[0].values
-    count = len(track.pieces[0])
-    return {name: np.repeat([law.values[name] for law in laws], count) for name in laws[0].values}
-
-
-def _needed(track: "Track") -> int:
-    """Steps of the pieces up to the last that counts."""
-    return int(np.flatnonzero(track.pieces[1].any(0))[-1]) + 1
 
 
 def _friction(track: "Track", placed: Placed, seen: State, states: States, doubt: np.ndarray) -> np.ndarray:
@@ -231,7 +206,7 @@ def _gears(track: "Track", laws: Sequence[Placed], states: States) -> list[tuple
         rotor, speed = float(model.dof_armature[dof]), seen.joint(site)[2]
         shafts[site] = Shaft(motor_force(seen, site), speed, rotor, track.period, {}, servo)
     kinds = {i: (shafts[law.site].rotor > 0, shafts[law.site].servo is None) for i, law in enumerate(laws)}
-    for group in _groups(track, laws, kinds):
+    for group in groups_of(track, laws, kinds):
         own = [laws[i] for i in group]
         for i, (pull, inertia, *ahead) in zip(group, _turned(track, own, [shafts[w.site] for w in own]), strict=True):
             dof = int(model.joint(laws[i].site).dofadr[0])
@@ -245,44 +220,13 @@ def _gears(track: "Track", laws: Sequence[Placed], states: States) -> list[tuple
 
 def _turned(track: "Track", laws: Sequence[Placed], shafts: Sequence[Shaft]) -> list[np.ndarray]:
     """Pull, inertia, lead and its rate, (4, N), of each of `laws`, of one effect, on its own of the shafts."""
-    rows, values = track.pieces[0], _values(track, laws)
+    rows, values = track.pieces[0], values_of(track, laws)
     out = np.zeros((4, len(laws) * len(rows), rows.shape[1]))
-    for k, shaft in enumerate(_abreast(shafts, rows[:, : _needed(track)])):
+    for k, shaft in enumerate(shafts_abreast(shafts, rows[:, : longest_piece(track)])):
         now = laws[0].effect.law(shaft, laws[0].site, **values)
         out[0, :, k], out[1, :, k], out[2, :, k], out[3, :, k] = now.pull, now.inertia, now.lead, now.rate
     parts = np.split(out, len(laws), 1)
     return [np.stack([track.gathered(own) for own in part]) for part in parts]
-
-
-def _abreast(shafts: Sequence[Shaft], rows: np.ndarray) -> Iterator[Shaft]:
-    """One shaft after the other of all `shafts` side by side, on each of the `rows` (pieces, n)."""
-    (first, *more), count = shafts, len(rows)
-    memory: dict[object, object] = {}
-    torque, speed = (np.concatenate([getattr(own, name)[rows.T] for own in shafts], 1) for name in ("torque", "speed"))
-    rotor = np.repeat([own.rotor for own in shafts], count) if more else first.rotor
-    own_servos = [own.servo for own in shafts if isinstance(own.servo, Ahead)]
-    servos = _servos(own_servos, rows) if own_servos else None
-    for k in range(rows.shape[1]):
-        yield Shaft(torque[k], speed[k], rotor, first.step, memory, next(servos) if servos else None)
-
-
-def _servos(servos: Sequence[Ahead], rows: np.ndarray) -> Iterator[Ahead]:
-    """One motor after the other of all `servos` side by side, on each of the `rows` (pieces, n)."""
-    widest = max(len(own.force) for own in servos)
-
-    def padded(name: str, fill: float) -> list[np.ndarray]:
-        # Where another joint has more actuators, ours has some that give nothing.
-        parts = [getattr(own, name) for own in servos]
-        missing = [[(0, 0)] * (part.ndim - 2) + [(0, widest - part.shape[-2]), (0, 0)] for part in parts]
-        return [np.pad(part, add, constant_values=fill) for part, add in zip(parts, missing, strict=True)]
-
-    force, slopes = (np.concatenate([p[..., rows.T] for p in padded(name, 0.0)], -1) for name in ("force", "slopes"))
-    held = np.concatenate([own.held[rows.T] for own in servos], 1)
-    fills = {"gear": 0.0, "low": -np.inf, "high": np.inf}
-    gear, low, high = (np.concatenate([np.repeat(p, len(rows), 1) for p in padded(*fill)], 1) for fill in fills.items())
-    least, most = (np.repeat([getattr(own, name) for own in servos], len(rows)) for name in ("least", "most"))
-    for k in range(rows.shape[1]):
-        yield Ahead(force[:, k], slopes[:, :, k], gear, low, high, held[k], least, most)
 
 
 def touching(track: "Track", states: States) -> np.ndarray:
