@@ -12,7 +12,7 @@ import pytest
 from fimpact.benchmark import generator
 from fimpact.benchmark.archive import cases_in, load_recording, save_recording
 from fimpact.benchmark.drawing import draw_case as draw
-from fimpact.benchmark.drawing.detectability import see, whitener
+from fimpact.benchmark.drawing.detectability import visibility_of, whitener
 from fimpact.benchmark.drawing.draw_case import draw_case
 from fimpact.benchmark.drawing.effect_size import set_stage, trace
 from fimpact.benchmark.drawing.motions import draw_motion
@@ -67,7 +67,7 @@ def test_every_run_begins_on_the_same_ground():
 
 def test_every_effect_is_asked_to_hide_in_one_pass_or_the_next():
     pool = sum(len(entry.sites) for entry in planted_effects.PLANTS.values())
-    asked = np.array([draw._insists(i, None) for i in range(2 * pool)]).reshape(2, -1)
+    asked = np.array([draw._must_be_hidden(i, None) for i in range(2 * pool)]).reshape(2, -1)
     assert (asked.sum(0) == 1).all()
 
 
@@ -164,7 +164,7 @@ def test_what_the_unknowns_can_do_is_fully_concealed(motions):
     sizes = gather(windows, played.samples).reshape(len(windows.row), -1) / rig.sd.mean()
     assert sizes.shape == predict(rig, models(rig, errors), windows.start, windows.ctrl).shape
     tangent = tangents(rig, errors, windows, pushed=False)
-    seen = see(rig, tangent, whitener(np.zeros((*sizes.shape, 1))), tangent.unknown[:, :, :1])
+    seen = visibility_of(rig, tangent, whitener(np.zeros((*sizes.shape, 1))), tangent.unknown[:, :, :1])
     assert seen.concealment[0][0] > 0.999
     assert seen.size[0] <= rig.unknowns[0].sd ** -2 * 1.01
 

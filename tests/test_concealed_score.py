@@ -11,7 +11,7 @@ from conftest import ROOT, marked
 
 from fimpact.benchmark.grading import claim
 from fimpact.benchmark.grading.answers import size_of
-from fimpact.benchmark.grading.claim_lines import Measure, average, coverage, share
+from fimpact.benchmark.grading.claim_lines import ClaimLine, coverage, share, with_interval
 from fimpact.benchmark.grading.confusion import named
 from fimpact.benchmark.grading.pictures import APART, FIGURES, _bins
 from fimpact.benchmark.grading.score import COLUMNS, gather, score_case
@@ -41,7 +41,7 @@ def table(tmp_path_factory) -> pd.DataFrame:
     return claim.read_cases(path)
 
 
-def line(table: pd.DataFrame, what: str) -> Measure:
+def line(table: pd.DataFrame, what: str) -> ClaimLine:
     return next(m for m in claim.measure(table) if m.what.startswith(what))
 
 
@@ -67,7 +67,7 @@ def test_shares_have_wilson_intervals():
 
 
 def test_averages_have_bootstrap_intervals():
-    found = average("x", pd.Series(np.arange(101.0)), np.median, str)
+    found = with_interval("x", pd.Series(np.arange(101.0)), np.median, str)
     assert found.low < 50 == found.value < found.high
 
 
@@ -76,7 +76,7 @@ def test_averages_have_bootstrap_intervals():
     [(0.98, 1, "aim"), (0.92, 1, "bar"), (0.5, 1, "missed"), (0.5, 0, "–"), (np.nan, 1, "–"), (0.9, -1, "aim")],
 )
 def test_verdicts(value, sign, verdict):
-    assert Measure("x", value, 0.0, 1.0, 5, sign, 0.9, 0.95).verdict == verdict
+    assert ClaimLine("x", value, 0.0, 1.0, 5, sign, 0.9, 0.95).verdict == verdict
 
 
 @pytest.mark.parametrize(("held", "verdict"), [(95, "aim"), (90, "bar"), (80, "missed"), (100, "missed")])
@@ -135,7 +135,7 @@ def test_perfect_confidence_has_no_calibration_error():
 
 def test_improvement_is_a_share_of_the_oracles(table):
     two = table.head(2).assign(heldout_before=[3.0, 1.0], heldout_after=[2.0, 1.0], heldout_oracle=[1.0, 0.999])
-    assert claim.regained(two).tolist() == [0.5]
+    assert claim.recovered_share(two).tolist() == [0.5]
 
 
 @pytest.mark.parametrize("name", FIGURES)

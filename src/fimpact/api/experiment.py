@@ -15,7 +15,7 @@ from fimpact.api.diagnosis import Diagnosis
 from fimpact.api.pictures import drawn
 from fimpact.cases.errors import CaseError
 from fimpact.diagnosis.experiments import next_experiment, separating
-from fimpact.diagnosis.experiments.resolve import Resolved, remaining, stated
+from fimpact.diagnosis.experiments.resolve import Resolved, stated_unknowns, surviving_names
 from fimpact.diagnosis.experiments.resolve import resolve as weigh_anew
 from fimpact.report.experiment_picture import commands as drawn_commands
 
@@ -112,8 +112,10 @@ def resolve(
     added = _added(known, recording)
     if len(diagnosis.data["members"]) < 2:
         return _resolution([], [diagnosis.answer])
-    ranked = weigh_anew(known, added, diagnosis.data["members"], stated(known, diagnosis.data), progress or _silent)
-    return _resolution(ranked, remaining(ranked))
+    ranked = weigh_anew(
+        known, added, diagnosis.data["members"], stated_unknowns(known, diagnosis.data), progress or _silent
+    )
+    return _resolution(ranked, surviving_names(ranked))
 
 
 def _added(known: recordings.Recording, recording: recordings.Recording) -> list[recordings.Run]:

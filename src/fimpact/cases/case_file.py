@@ -10,11 +10,11 @@ import numpy as np
 import yaml
 from jsonschema import Draft202012Validator
 
-from fimpact.cases.errors import CaseError, reason
+from fimpact.cases.errors import CaseError, summarise_exception
 from fimpact.support.schema_errors import in_words, most_telling, name
 
 SCHEMA = Path(__file__).with_name("schema.yaml")
-MOST = 100_000  # values of a case
+MAX_VALUES = 100_000  # values of a case
 LARGEST = 1e15  # of any number in a case
 
 
@@ -55,8 +55,8 @@ def load_mapping(case: Mapping, folder: Path) -> dict:
         CaseError: a key or value that the schema does not allow.
     """
     plain = _plain(case)
-    if _entries(plain) > MOST:
-        raise CaseError(f"the case has more than {MOST} entries; leave out what it does not need")
+    if _entries(plain) > MAX_VALUES:
+        raise CaseError(f"the case has more than {MAX_VALUES} entries; leave out what it does not need")
     return _checked(_extended(_anchored(plain, folder), folder / "case", ()), "the case")
 
 
@@ -98,18 +98,20 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict:
     except OSError:
         raise
     except Exception as error:
-        raise CaseError(f"{path} is not YAML: {reason(error)}; correct it") from None
-    if _entries(case) > MOST:
-        raise CaseError(f"{path} has more than {MOST} entries once its aliases are unfolded; write it without them")
+        raise CaseError(f"{path} is not YAML: {summarise_exception(error)}; correct it") from None
+    if _entries(case) > MAX_VALUES:
+        raise CaseError(
+            f"{path} has more than {MAX_VALUES} entries once its aliases are unfolded; write it without them"
+        )
     if not isinstance(case, dict):
         raise CaseError(f"{path} is not a table of keys; `fimpact keys` shows an example")
     return _extended(_anchored(case, path.parent), path, seen)
 
 
 def _entries(value: object) -> int:
-    """How many values are nested in `value`, counted up to a little beyond `MOST`."""
+    """How many values are nested in `value`, counted up to a little beyond `MAX_VALUES`."""
     left, count = [value], 0
-    while left and count <= MOST:
+    while left and count <= MAX_VALUES:
         part, count = left.pop(), count + 1
         left += part.values() if isinstance(part, dict) else part if isinstance(part, list) else ()
     return count

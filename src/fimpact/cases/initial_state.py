@@ -39,7 +39,7 @@ def prior(model: mujoco.MjModel, start: dict) -> np.ndarray:
     return out
 
 
-def believed(model, channels: list[Channel], measured: np.ndarray, period: float, start: dict):
+def estimated_start(model, channels: list[Channel], measured: np.ndarray, period: float, start: dict):
     """qpos (nq,) and qvel (nv,) at the first row of `measured` (T, ny), or (None, None) where it shows them itself."""
     columns = position_columns(model, channels)
     hinges = all(model.jnt_type[j] in (enums.SLIDE, enums.HINGE) for j in range(model.njnt))

@@ -126,7 +126,7 @@ def _low_passed(values: np.ndarray, factor: int) -> np.ndarray:
     return out
 
 
-def held(series: Series, start: float, period: float, count: int, steps: bool) -> np.ndarray:
+def zero_order_hold(series: Series, start: float, period: float, count: int, steps: bool) -> np.ndarray:
     """A command as its mean over each period, (count,), so that no impulse is lost or added.
 
     steps: it was held between samples (a controller's output); False: it varies linearly (a measured torque).
@@ -149,7 +149,7 @@ def _integral(series: Series, total: np.ndarray, at: np.ndarray, steps: bool) ->
     return total[index] + past * value + past**2 * slope / 2
 
 
-def stretches(series: list[Series], start: float, stop: float) -> list[tuple[float, float]]:
+def valid_intervals(series: list[Series], start: float, stop: float) -> list[tuple[float, float]]:
     """Parts of start..stop in s in which every command is known; all of it where there are no commands."""
     parts = [(start, stop)]
     for one in series:

@@ -58,7 +58,7 @@ def drag(power: int) -> Prior:
     """The force applied at the pace of the mechanism, for a drag that goes with this power of speed."""
 
     def prior(scales, model, site):
-        return {"coefficient": typical.push(scales, model) / typical.pace(scales, model) ** power}
+        return {"coefficient": typical.max_force(scales, model) / typical.max_speed(scales, model) ** power}
 
     return prior
 
@@ -88,7 +88,7 @@ def coupling(scales, model, site):
 
 def limit(scales, model, site):
     """The largest force of an actuator: a limit that shows lies near it."""
-    return {"limit": typical.summit(scales, model, site)}
+    return {"limit": typical.max_actuator_force(scales, model, site)}
 
 
 def rotor(scales, model, site):
@@ -98,14 +98,14 @@ def rotor(scales, model, site):
 
 def torque_offset(scales, model, site):
     """A fifth of an actuator's rms force."""
-    return {"offset": 0.2 * typical.drive(scales, model, site)}
+    return {"offset": 0.2 * typical.rms_actuator_force(scales, model, site)}
 
 
 def droop(scales, model, site):
     """Of a tenth at the largest force of all motors together."""
     gears = np.abs(model.actuator_gear[:, 0])
     motors = [i for joint in sites.driven(model) for i in sites.drives(model, joint)]
-    most = sum(gears[i] * typical.summit(scales, model, model.actuator(i).name) for i in motors)
+    most = sum(gears[i] * typical.max_actuator_force(scales, model, model.actuator(i).name) for i in motors)
     return {"droop": float(0.1 / max(most, typical.FLOOR))}
 
 
@@ -121,7 +121,7 @@ def spring(name: str, power: int) -> Prior:
 
 def cable(scales, model, site):
     """A cable that takes a third of the largest force over the size of the mechanism."""
-    return {"stiffness": 0.3 * typical.push(scales, model) / scales.length}
+    return {"stiffness": 0.3 * typical.max_force(scales, model) / scales.length}
 
 
 def base_compliance(scales, model, site):

@@ -47,27 +47,27 @@ def inertia(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
     return float(max(own[_dof(model, joint)], moved))
 
 
-def middle(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
+def mean_position(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
     """Mean position of a joint, m or rad."""
     return float(scales.middle[_dof(model, joint)])
 
 
-def drive(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
+def rms_actuator_force(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
     """Root mean square force of an actuator, before its gear, N or N m."""
     return _actuation(scales.drive, model, actuator)
 
 
-def summit(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
+def max_actuator_force(scales: Scales, model: mujoco.MjModel, actuator: str) -> float:
     """Largest force of an actuator, before its gear, N or N m."""
     return _actuation(scales.summit, model, actuator)
 
 
-def push(scales: Scales, model: mujoco.MjModel) -> float:
+def max_force(scales: Scales, model: mujoco.MjModel) -> float:
     """The largest force on a degree of freedom, as a force in N at the size of the mechanism."""
     return float(max((scales.force / _arms(scales, model)).max(), FLOOR * scales.mass * scales.gravity))
 
 
-def pace(scales: Scales, model: mujoco.MjModel) -> float:
+def max_speed(scales: Scales, model: mujoco.MjModel) -> float:
     """The largest speed of a degree of freedom, as a speed in m/s at the size of the mechanism."""
     return float(max((scales.speed * _arms(scales, model)).max(), FLOOR * np.sqrt(scales.gravity * scales.length)))
 
@@ -125,7 +125,7 @@ def reference(model, body: str) -> tuple[np.ndarray, np.ndarray]:
 
 def stretch(scales: Scales, model: mujoco.MjModel, joint: str) -> float:
     """How far a joint is from where its spring rests, m or rad."""
-    away = middle(scales, model, joint) - model.qpos_spring[model.joint(joint).qposadr[0]]
+    away = mean_position(scales, model, joint) - model.qpos_spring[model.joint(joint).qposadr[0]]
     return float(np.hypot(away, travel(scales, model, joint)))
 
 

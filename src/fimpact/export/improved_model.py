@@ -15,10 +15,10 @@ import numpy as np
 
 from fimpact.effects import sites
 from fimpact.effects.base import Placed, words
-from fimpact.effects.native import editable, exporting, settle
+from fimpact.effects.native import editable, exporting, write_inferred_fields
 from fimpact.export import runtime_template
 from fimpact.export.callback import SourceBundle, as_source_list
-from fimpact.export.mjcf import carry_assets, exact, sharpen
+from fimpact.export.mjcf import carry_assets, exact, restore_full_precision
 from fimpact.export.replay import CALLBACK, PAST, XML, Replay, stateful
 from fimpact.recordings import FIELDS, Recording
 from fimpact.simulation.hypothesis import Hypothesis
@@ -107,7 +107,7 @@ def improved_spec(
     simulator, spec = Simulator(recording), recording.spec()
     spec.option.timestep = simulator.base.opt.timestep / 2**halvings
     spec.option.integrator = spec.option.integrator if integrator is None else integrator
-    settle(spec)
+    write_inferred_fields(spec)
     for unknown, value in zip(recording.unknowns, hypothesis.theta, strict=True):
         put = FIELDS[unknown.field][2][1]
         exporting(lambda model, site, value, put=put: put(model, site, value))(spec, unknown.site, value=value)
@@ -126,7 +126,7 @@ def write_files(
     spec = improved_spec(recording, hypothesis, integrator, halvings)
     model = spec.compile()
     tree = ElementTree.fromstring(spec.to_xml())
-    sharpen(tree, exact(recording.xml, model))
+    restore_full_precision(tree, exact(recording.xml, model))
     assets = carry_assets(tree, Path(recording.folder), folder)
     ElementTree.indent(tree)
     laws = _without_field(recording, hypothesis)

@@ -8,7 +8,7 @@ from typing import Any
 
 from fimpact.cases import inputs, read_case
 from fimpact.cases.errors import CaseError
-from fimpact.diagnosis.experiments.resolve import Resolved, remaining, resolve, stated
+from fimpact.diagnosis.experiments.resolve import Resolved, resolve, stated_unknowns, surviving_names
 from fimpact.effects.plugins import load_effects
 from fimpact.recordings import Recording, Run
 from fimpact.report.contents import DATA, describe_inputs
@@ -46,8 +46,8 @@ def resolve_recording(
     known, added = _split(recording, set(earlier["runs"]), case)
     names = ["+".join(sorted(member)) for member in earlier["members"]]
     progress(f"fitting {', '.join(names)} with {', '.join(run.name for run in added)}")
-    ranked = resolve(known, added, earlier["members"], stated(known, earlier), progress)
-    return ranked, remaining(ranked)
+    ranked = resolve(known, added, earlier["members"], stated_unknowns(known, earlier), progress)
+    return ranked, surviving_names(ranked)
 
 
 def _earlier(path: Path, case: Path | str) -> dict[str, Any]:

@@ -25,13 +25,13 @@ def check_case(options: argparse.Namespace) -> None:
 
 
 def write_first_case(options: argparse.Namespace) -> None:
-    from fimpact.cases.drafting.first_case import first_case
+    from fimpact.cases.drafting.first_case import draft_case
     from fimpact.support.atomic_files import write_text
 
     if options.out.exists():
         raise ValueError(f"{options.out} exists; nothing is overwritten; choose another name with -o, or remove it")
     _check_place(options.out)
-    first = first_case(options.model, options.log, options.out)
+    first = draft_case(options.model, options.log, options.out)
     write_text(first.text(), options.out)
     print(f"wrote {options.out}; to fill in: {'' if first.open else 'nothing'}")
     print("".join(f"  {line}\n" for line in first.open) + "concluded, to be looked at:")

@@ -7,7 +7,16 @@ from math import ceil
 import numpy as np
 
 from fimpact.benchmark.drawing.detectability import equivalent_force, oracle_sd
-from fimpact.benchmark.drawing.effect_size import NEAR, SEARCHES, Stage, Trace, Unfit, planted_windows, seen, trace
+from fimpact.benchmark.drawing.effect_size import (
+    NEAR,
+    SEARCHES,
+    Stage,
+    Trace,
+    Unfit,
+    planted_windows,
+    trace,
+    visibility,
+)
 from fimpact.benchmark.drawing.ingredients import (
     check_stable,
     errors_of,
@@ -72,7 +81,7 @@ def _odd(
         worth = share(planted_windows(stage, name, site, values)[2])
         if abs(np.log(max(worth, 1e-9) / target)) < NEAR:
             found = trace(stage, name, site, sign * size, values)
-            if seen(stage, found).size[0] > WILD:
+            if visibility(stage, found).size[0] > WILD:
                 raise Unfit(f"{name} at {site} shakes the robot")
             return found, worth
         size = min(size * float(np.exp(np.clip(np.log(target / max(worth, 1e-9)), -MOST, MOST))), most)

@@ -43,7 +43,7 @@ def noise_of(rig: Rig, push: np.ndarray, disturbance: float, correlation: float)
     return np.concatenate([disturbance * coloured(rig, push, correlation), unlogged(rig, push)], axis=2)
 
 
-def loudness(rig: Rig, tangent: Tangents, response: np.ndarray) -> float:
+def noise_inflation(rig: Rig, tangent: Tangents, response: np.ndarray) -> float:
     """By how much unit disturbance raises the mean squared whitened residual after fitting the starts."""
     information = _start_information(rig, tangent, tangent.start)
     left = response - tangent.start @ np.linalg.solve(information, _t(tangent.start) @ response)
@@ -51,7 +51,7 @@ def loudness(rig: Rig, tangent: Tangents, response: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Visibility:
     """Gram matrix of projected traces (k, k), and squared lengths before any and after the starts' projection (k,)."""
 
     gram: np.ndarray
@@ -77,7 +77,7 @@ class Seen:
         return float(cosine), float(self.gram[one, one] * (1 - cosine**2))
 
 
-def see(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> Seen:
+def visibility_of(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> Visibility:
     """What an oracle sees of `traces` (W, n ny, k) among noise that `white`, a `whitener`, makes white.
 
     The unknowns are projected off within their priors, the starts of the windows as far as they are unknown.
@@ -89,13 +89,13 @@ def see(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> Seen:
     k = traces.shape[2]
     prior = _prior(rig, tangent)
     absorbed = gram[:k, k:] @ np.linalg.solve(gram[k:, k:] + prior, gram[k:, :k])
-    return Seen(gram[:k, :k] - absorbed, np.sum(traces**2, axis=(0, 1)), np.diag(gram)[:k])
+    return Visibility(gram[:k, :k] - absorbed, np.sum(traces**2, axis=(0, 1)), np.diag(gram)[:k])
 
 
-def left_over(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> np.ndarray:
+def residual_after(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> np.ndarray:
     """Squares of each window, (W,), that are left of the first of `traces` (W, n ny, k) when the others, of any size,
     unknowns and starts have imitated it as far as they can; without what the priors of these cost, hence a little less
-    in all than is left in `see`."""
+    in all than is left in `visibility_of`."""
     others = traces.shape[2] - 1
     both, start = (white(a) for a in (np.concatenate([traces, _unknown(tangent)], 2), tangent.start))
     both -= start @ np.linalg.solve(_start_information(rig, tangent, start), _t(start) @ both)
@@ -105,7 +105,7 @@ def left_over(rig: Rig, tangent: Tangents, white: White, traces: np.ndarray) -> 
     return ((own - rest @ np.linalg.solve(gram, along)) ** 2).sum((1, 2))
 
 
-def absorb(rig: Rig, tangent: Tangents, white: White, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def absorbed_by(rig: Rig, tangent: Tangents, white: White, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the unknowns, (p,), and of the starts, (W, 2 nv), that imitate the trace `change` (W, n ny, 1) best."""
     change, unknown, start = (white(a) for a in (change, _unknown(tangent), tangent.start))
     information = _start_information(rig, tangent, start)

@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.benchmark.drawing.crowded_case import draw_crowd
-from fimpact.benchmark.drawing.effect_size import Trace, Unfit, fit_size, glance, seen, trace, whole
+from fimpact.benchmark.drawing.effect_size import (
+    Trace,
+    Unfit,
+    estimate_size,
+    fit_size,
+    trace,
+    visibility,
+    with_all_runs,
+)
 from fimpact.benchmark.drawing.ingredients import (
     check_stable,
     errors_of,
@@ -33,7 +41,7 @@ LAMBDA = dict.fromkeys(KINDS, (30.0, 3000.0)) | {"single": (3.0, 3000.0), "twin"
 HIDDEN = 0.9  # concealment that half of the cases insist on
 ALIKE, INDISTINCT = 0.9, 4.0  # cosine above, and non-centrality below, which no oracle can tell two effects apart
 ATTEMPTS = {"twin": 4}  # draws of a case, 24 where nothing else is said: some twins hardly any motion makes
-INSISTENCE = 4  # draws for which half of the cases insist on being hidden
+MUST_BE_HIDDEN = 4  # draws for which half of the cases insist on being hidden
 SHARED = 3  # one in so many draws, the first, share their target
 
 
@@ -77,14 +85,14 @@ def _draw(rng, index, kind, system, target, attempt, seed):
     stage, nuisance = nuisance_of(rng, replace(rig, coarse=rig.coarse * stiff), motion, errors)
     forms = [form_of(rng, stage, name, site) for name, site in choice]
     if kind == "twin":
-        _look(stage, choice, forms, target)
+        _check_alike(stage, choice, forms, target)
     own = list(zip(choice, forms, strict=True))[: 2 if kind == "double" else 1]
     traces = tuple(fit_size(stage, *place, known(place[0]), *form, target) for place, form in own)
     rival, shown = None, together(stage, traces)
     if kind == "twin":
         rival, cosine, left = _rival(rng, stage, choice, forms[1][0], traces[0])
         shown |= {"cosine": cosine, "left": left}
-    if kind == "single" and _insists(index, system) and attempt < INSISTENCE and shown["kappa"] < HIDDEN:
+    if kind == "single" and _must_be_hidden(index, system) and attempt < MUST_BE_HIDDEN and shown["kappa"] < HIDDEN:
         raise Unfit("not hidden enough")
     effects = tuple(planted(stage, site, t, name) for (name, site), t in zip(choice, traces, strict=False))
     truth = Truth(kind=kind, system=rig.name, effects=effects, rival=rival, seed=seed, **shown, **nuisance)
@@ -114,7 +122,7 @@ def _pool(shelf, rigs) -> list[tuple[Rig, str]]:
     return [(rig, name) for name, p in shelf.items() for rig in rigs if rig.name in p.sites]
 
 
-def _insists(index: int, system: str | None) -> bool:
+def _must_be_hidden(index: int, system: str | None) -> bool:
     """Whether this draw must be well hidden: every other one, and other effects in every pass through the pool."""
     rigs = [rig_of(system)] if system else list(RIGS.values())
     turn, place = divmod(index, len(_pool(PLANTS, rigs)))
@@ -146,18 +154,18 @@ def _signs(name: str) -> tuple[float, ...]:
     return (1.0, -1.0) if known(name).signed else (1.0,)
 
 
-def _look(stage, choice, forms, target) -> None:
+def _check_alike(stage, choice, forms, target) -> None:
     """Unfit if these two will hardly make twins."""
     (name, site), (rival, place) = choice
     (shape, own_sign), (rival_shape, *_) = forms
-    own = glance(stage, name, site, known(name), shape, own_sign, target)
-    others = (glance(stage, rival, place, known(rival), rival_shape, sign, target) for sign in _signs(rival))
+    own = estimate_size(stage, name, site, known(name), shape, own_sign, target)
+    others = (estimate_size(stage, rival, place, known(rival), rival_shape, sign, target) for sign in _signs(rival))
     if not any(_twins(stage, own, other) for other in others):
         raise Unfit("the recordings would tell the twins apart")
 
 
 def _twins(stage, own: Trace, other: Trace) -> bool:
-    return _indistinct(*seen(stage, own, other).left(0, 1))
+    return _indistinct(*visibility(stage, own, other).left(0, 1))
 
 
 def _indistinct(cosine: float, left: float) -> bool:
@@ -167,14 +175,14 @@ def _indistinct(cosine: float, left: float) -> bool:
 def _rival(rng, stage, choice, shape, own: Trace) -> tuple[Planted, float, float]:
     """The other twin, sized alike, and cosine and rest of the two in all runs; Unfit unless the recordings cannot tell
     them apart, by those for training, which lambda is of, or by any, and a further experiment can."""
-    everything, (name, site) = whole(stage), choice[1]
+    everything, (name, site) = with_all_runs(stage), choice[1]
     for sign in _signs(name):
-        other = fit_size(stage, name, site, known(name), shape, sign, seen(stage, own).size[0])
+        other = fit_size(stage, name, site, known(name), shape, sign, visibility(stage, own).size[0])
         if not _twins(stage, own, other):
             continue
         pairs = zip(choice, (own, other), strict=True)
         both = (trace(everything, effect, at, t.size, t.values) for (effect, at), t in pairs)
-        shown = seen(everything, *both).left(0, 1)
+        shown = visibility(everything, *both).left(0, 1)
         if _indistinct(*shown) and best_split(stage, choice, [own, other], rng) >= SPLIT:
             return planted(stage, site, other, name), *shown
     raise Unfit("the recordings tell the twins apart, or no experiment would")

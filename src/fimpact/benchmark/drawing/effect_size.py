@@ -5,7 +5,16 @@ from functools import cached_property
 
 import numpy as np
 
-from fimpact.benchmark.drawing.detectability import Seen, White, absorb, coloured, loudness, noise_of, see, whitener
+from fimpact.benchmark.drawing.detectability import (
+    Visibility,
+    White,
+    absorbed_by,
+    coloured,
+    noise_inflation,
+    noise_of,
+    visibility_of,
+    whitener,
+)
 from fimpact.benchmark.drawing.motions import Motion
 from fimpact.benchmark.drawing.tangents import Tangents, Windows, cut, gather, models, predict, tangents
 from fimpact.benchmark.planting.ground_truth import new_world, play
@@ -59,12 +68,12 @@ def set_stage(rig: Rig, motion: Motion, errors, start, correlation: float, raise
     """Tangents of the unplanted robot, and a disturbance that raises the residual's variance by `raised`."""
     tangent = _unplanted(rig, motion, errors, start)
     assert tangent.push is not None  # `_unplanted` asks for it
-    sd = float(np.sqrt(raised / loudness(rig, tangent, coloured(rig, tangent.push, correlation))))
+    sd = float(np.sqrt(raised / noise_inflation(rig, tangent, coloured(rig, tangent.push, correlation))))
     noise = noise_of(rig, tangent.push, sd, correlation)
     return Stage(rig, motion, errors, start, tangent, noise, sd, correlation)
 
 
-def whole(stage: Stage) -> Stage:
+def with_all_runs(stage: Stage) -> Stage:
     """The same robot with all of its motions for training, those that are held out as well."""
     motion = replace(stage.motion, held_out=np.zeros_like(stage.motion.held_out))
     tangent = _unplanted(stage.rig, motion, stage.errors, stage.start)
@@ -108,7 +117,7 @@ def _imitated(stage: Stage, windows, plain, change, tangent: Tangents):
     rig, size, start = stage.rig, np.inf, np.zeros_like(windows.start)
     shown = change[:, :, 0] + plain
     for _ in range(MOVES):
-        unknown, wanted = absorb(rig, tangent, stage.white, change)
+        unknown, wanted = absorbed_by(rig, tangent, stage.white, change)
         unknown = np.maximum(unknown, LEAST - stage.errors)
         model, moves = models(rig, stage.errors + unknown), (wanted, start)
         left = [shown - predict(rig, model, windows.start + move, windows.ctrl) for move in moves]
@@ -119,20 +128,20 @@ def _imitated(stage: Stage, windows, plain, change, tangent: Tangents):
             break
         linear = tangent.unknown @ unknown + np.einsum("wmx,wx->wm", tangent.start, start)
         change, last = (left + linear)[:, :, None], size
-        size = float(see(rig, tangent, stage.white, change).size[0])
+        size = float(visibility_of(rig, tangent, stage.white, change).size[0])
         if abs(size - last) < STILL * last:
             break
     return change
 
 
-def seen(stage: Stage, *traces: Trace) -> Seen:
+def visibility(stage: Stage, *traces: Trace) -> Visibility:
     """What an oracle sees of each of some traces, with the tangents of the first."""
-    return see(stage.rig, traces[0].tangent, stage.white, np.concatenate([t.change for t in traces], axis=2))
+    return visibility_of(stage.rig, traces[0].tangent, stage.white, np.concatenate([t.change for t in traces], axis=2))
 
 
 def concealment(stage: Stage, found: Trace) -> tuple[float, float]:
     """kappa against the sensors' noise, and kappa of the unknowns alone with the starts projected off first."""
-    kappa, unknown = see(stage.rig, found.tangent, whitener(0 * stage.noise), found.change).concealment
+    kappa, unknown = visibility_of(stage.rig, found.tangent, whitener(0 * stage.noise), found.change).concealment
     return float(kappa[0]), float(unknown[0])
 
 
@@ -142,13 +151,13 @@ def fit_size(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sig
     for _ in range(RENEWALS):
         size = _search(stage, name, site, kind, shape, sign, target, tangent, size)
         found = trace(stage, name, site, sign * size, kind.values(sign * size, **shape))
-        if abs(np.log(max(seen(stage, found).size[0], 1e-9) / target)) < NEAR:
+        if abs(np.log(max(visibility(stage, found).size[0], 1e-9) / target)) < NEAR:
             return found
         tangent = found.tangent
     raise Unfit(f"no size of {name} at {site} settles at lambda {target:.3g}")
 
 
-def glance(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign: float, target: float) -> Trace:
+def estimate_size(stage: Stage, name: str, site: str, kind: Plant, shape: Values, sign: float, target: float) -> Trace:
     """As `fit_size`, but with the tangents of the unplanted robot: quick, and good enough to see what is hopeless."""
     size = _search(stage, name, site, kind, shape, sign, target, stage.tangent, kind.span(stage.rig)[0])
     values = kind.values(sign * size, **shape)
@@ -162,7 +171,7 @@ def _search(stage, name, site, kind, shape, sign, target, tangent, size):
     for _ in range(SEARCHES):
         windows, plain, change = planted_windows(stage, name, site, kind.values(sign * size, **shape))
         change = _imitated(stage, windows, plain, change, tangent)
-        miss = np.log(max(see(stage.rig, tangent, stage.white, change).size[0], 1e-9) / target)
+        miss = np.log(max(visibility_of(stage.rig, tangent, stage.white, change).size[0], 1e-9) / target)
         if abs(miss) < CLOSE:
             return size
         if size < NOTHING * begin and miss > 0:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.benchmark.drawing.effect_size import Stage, Trace, Unfit, concealment, seen, set_stage
+from fimpact.benchmark.drawing.effect_size import Stage, Trace, Unfit, concealment, set_stage, visibility
 from fimpact.benchmark.drawing.motions import Motion
 from fimpact.benchmark.planting.ground_truth import play
 from fimpact.benchmark.planting.out_of_catalogue import known
@@ -50,13 +50,13 @@ def together(stage, traces) -> dict:
         return {"lam": 0.0, "kappa": 0.0, "kappa_unknown": 0.0, "cosine": 0.0, "left": 0.0}
     whole = replace(traces[0], change=sum(t.change for t in traces))
     kappa, unknown = concealment(stage, whole)
-    cosine, left = seen(stage, *traces).left(0, 1) if len(traces) == 2 else (0.0, 0.0)
-    lam = float(seen(stage, whole).size[0])
+    cosine, left = visibility(stage, *traces).left(0, 1) if len(traces) == 2 else (0.0, 0.0)
+    lam = float(visibility(stage, whole).size[0])
     return {"lam": lam, "kappa": kappa, "kappa_unknown": unknown, "cosine": cosine, "left": left}
 
 
 def planted(stage: Stage, site: str, found: Trace, name: str) -> Planted:
-    lam, (kappa, unknown) = float(seen(stage, found).size[0]), concealment(stage, found)
+    lam, (kappa, unknown) = float(visibility(stage, found).size[0]), concealment(stage, found)
     mode = known(name).mode if stage.rig.naive.npair else "free"
     values = {key: float(value) for key, value in found.values.items()}
     return Planted(name, site, values, lam, kappa, unknown, mode)

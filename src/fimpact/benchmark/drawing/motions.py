@@ -30,7 +30,7 @@ def draw_motion(
     """Motions of every run; half of the held-out ones are faster or elsewhere.
 
     Args:
-        style: one of `STYLES`, about motor `joint`; "lively" is the usual one, the others make twins.
+        style: one of `EXCITATIONS`, about motor `joint`; "lively" is the usual one, the others make twins.
         model: what the controller moves, at the naive model's step; None: the naive model.
     """
     held_out = np.arange(rig.training + rig.held_out) >= rig.training
@@ -40,11 +40,11 @@ def draw_motion(
         return Motion(start, np.zeros((len(fast), rig.samples, 0)), held_out)
     time = np.arange(rig.samples) * rig.period
     paths = [PATHS[rig.name](rng, time, f, run) for run, f in enumerate(fast)]
-    paths = [STYLES[style](rng, time, path, joint) for path in paths]
+    paths = [EXCITATIONS[style](rng, time, path, joint) for path in paths]
     pace = np.zeros(rig.naive.nu) if style != "oneway" else PACE * np.eye(rig.naive.nu)[joint]
     start = np.stack([_start(rig, path, pace) for path in paths])
     ctrl = _commands(rig, paths, pace, rig.naive if model is None else model)
-    return Motion(start, _bang(rng, ctrl, joint) if style == "bang" else ctrl, held_out)
+    return Motion(start, _bang_bang(rng, ctrl, joint) if style == "bang" else ctrl, held_out)
 
 
 def _start(rig: Rig, path: np.ndarray, pace: np.ndarray) -> np.ndarray:
@@ -110,11 +110,11 @@ def _throw(rng, fast, style):
     )
 
 
-def _lively(rng, time, path, joint):
+def _fast(rng, time, path, joint):
     return path
 
 
-def _oneway(rng, time, path, joint):
+def _monotone(rng, time, path, joint):
     """The joint only ever advances, at a speed that varies, beside others that hardly move."""
     speed = PACE * (1 + _waves(rng, time, 0.3, 0.5, 1.5) * (1 - np.exp(-time / 0.1)))
     path = path.mean(0) + 0.3 * (path - path.mean(0))
@@ -122,7 +122,7 @@ def _oneway(rng, time, path, joint):
     return path
 
 
-def _still(rng, time, path, joint):
+def _static(rng, time, path, joint):
     """The joint hardly leaves its posture, the same in every run."""
     path = path.copy()
     path[:, joint] = 0.8 + _waves(rng, time, 0.03, 0.5, 1.5)
@@ -134,20 +134,20 @@ def _slow(rng, time, path, joint):
     return np.stack([np.interp(time / 3, time, column) for column in path.T], axis=1)
 
 
-def _bang(rng, ctrl, joint):
+def _bang_bang(rng, ctrl, joint):
     """One motor knows only full torque, forward or backward, the same in every run."""
     out, level = ctrl.copy(), np.median(np.abs(ctrl[:, :, joint]))
     out[:, :, joint] = np.where(ctrl[:, :, joint] >= 0, level, -level)
     return out
 
 
-STYLES = {
-    "lively": _lively,
-    "oneway": _oneway,
-    "still": _still,
+EXCITATIONS = {
+    "lively": _fast,
+    "oneway": _monotone,
+    "still": _static,
     "slow": _slow,
-    "bang": _lively,
-    "steady": _lively,
+    "bang": _fast,
+    "steady": _fast,
 }
 
 

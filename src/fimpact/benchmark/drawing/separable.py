@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.benchmark.drawing.detectability import left_over, noise_of, whitener
+from fimpact.benchmark.drawing.detectability import noise_of, residual_after, whitener
 from fimpact.benchmark.drawing.effect_size import Stage, Trace, planted_windows
 from fimpact.benchmark.drawing.motions import Motion
 from fimpact.benchmark.drawing.tangents import Tangents, tangents
@@ -41,7 +41,7 @@ def best_split(stage: Stage, places: list[tuple[str, str]], traces: list[Trace],
         at = windows.row == run
         both = _joined(traces[0].tangent, tangent, at)
         noise, shows = (np.concatenate([old, new[at]]) for old, new in zip(recorded, further, strict=True))
-        found.append(float(np.minimum(left_over(stage.rig, both, whitener(noise), shows), MOST).sum()))
+        found.append(float(np.minimum(residual_after(stage.rig, both, whitener(noise), shows), MOST).sum()))
     return max(found)
 
 

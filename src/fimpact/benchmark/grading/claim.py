@@ -11,13 +11,13 @@ import pandas as pd
 
 from fimpact.benchmark.grading.claim_lines import (
     RESAMPLES,
-    Measure,
+    ClaimLine,
     as_markdown,
-    average,
     coverage,
     number,
     percent,
     share,
+    with_interval,
 )
 
 VISIBLE = 30.0  # non-centrality from which an oracle sees an effect
@@ -55,7 +55,7 @@ def read_cases(path: Path | str) -> pd.DataFrame:
     return table
 
 
-def measure(cases: pd.DataFrame) -> list[Measure]:
+def measure(cases: pd.DataFrame) -> list[ClaimLine]:
     """Every line, in the order in which the claim makes them.
 
     Args:
@@ -68,7 +68,7 @@ def _of(cases: pd.DataFrame, *kinds: str) -> pd.DataFrame:
     return cases[cases.kind.isin(kinds)]
 
 
-def _detection(cases: pd.DataFrame) -> list[Measure]:
+def _detection(cases: pd.DataFrame) -> list[ClaimLine]:
     seen = cases[(cases.kind != "null") & (cases["lambda"] >= VISIBLE)]
     return [
         share("false alarms where nothing is missing", _of(cases, "null").detected, -1, 0.03, 0.01),
@@ -77,7 +77,7 @@ def _detection(cases: pd.DataFrame) -> list[Measure]:
     ]
 
 
-def _naming(cases: pd.DataFrame) -> list[Measure]:
+def _naming(cases: pd.DataFrame) -> list[ClaimLine]:
     found = _of(cases, "single")[_of(cases, "single").detected]
     limits = SYSTEMS | {name: own for name, own in ROBOTS.items() if name in set(cases.system)}
     lines = [
@@ -88,22 +88,22 @@ def _naming(cases: pd.DataFrame) -> list[Measure]:
     return [
         *lines,
         share("truth inside the answered set", found.in_set, 1, 0.97, 0.99),
-        average("size of the set, mean", size, np.mean, number(), -1, 2.0, 1.5),
+        with_interval("size of the set, mean", size, np.mean, number(), -1, 2.0, 1.5),
     ]
 
 
-def _confidence(cases: pd.DataFrame) -> list[Measure]:
+def _confidence(cases: pd.DataFrame) -> list[ClaimLine]:
     stated = claims(cases)
     if stated.empty:
-        return [Measure("expected calibration error", np.nan, np.nan, np.nan, 0, -1, 0.08, 0.04, number(digits=3))]
+        return [ClaimLine("expected calibration error", np.nan, np.nan, np.nan, 0, -1, 0.08, 0.04, number(digits=3))]
     rng, pairs = np.random.default_rng(0), stated.to_numpy(float)
     drawn = [error_of(pairs[rng.integers(len(pairs), size=len(pairs))]) for _ in range(RESAMPLES // 4)]
     low, high = np.percentile(drawn, [2.5, 97.5])
     value = error_of(pairs)
     return [
-        Measure("expected calibration error", value, low, high, len(pairs), -1, 0.08, 0.04, number(digits=3)),
-        average("… confidence stated, mean", stated.confidence, np.mean, percent),
-        average("… right, mean", stated.right, np.mean, percent),
+        ClaimLine("expected calibration error", value, low, high, len(pairs), -1, 0.08, 0.04, number(digits=3)),
+        with_interval("… confidence stated, mean", stated.confidence, np.mean, percent),
+        with_interval("… right, mean", stated.right, np.mean, percent),
     ]
 
 
@@ -126,7 +126,7 @@ def error_of(stated: np.ndarray) -> float:
     return float(np.sum(np.abs(table[:, 0] - table[:, 1]) * table[:, 2]) / len(stated))
 
 
-def _location(cases: pd.DataFrame) -> list[Measure]:
+def _location(cases: pd.DataFrame) -> list[ClaimLine]:
     found = _of(cases, "single")[_of(cases, "single").detected]
     return [
         share("right joint, contact pair, body or channel located", found.located, 1, 0.95, 0.98),
@@ -135,25 +135,31 @@ def _location(cases: pd.DataFrame) -> list[Measure]:
     ]
 
 
-def regained(cases: pd.DataFrame, after: str = "heldout_after") -> pd.Series:
+def recovered_share(cases: pd.DataFrame, after: str = "heldout_after") -> pd.Series:
     """Improvement as a share of the oracle's, where the oracle improves the held-out error by enough to compare."""
     possible = cases.heldout_before - cases.heldout_oracle
     enough = possible > WORTHWHILE * cases.heldout_before
     return ((cases.heldout_before - cases[after]) / possible)[enough]
 
 
-def _improvement(cases: pd.DataFrame) -> list[Measure]:
+def _improvement(cases: pd.DataFrame) -> list[ClaimLine]:
     planted = _of(cases, "single", "double", "twin")
     held = planted.covered.dropna()
     return [
-        average(
-            "held-out improvement, share of the oracle's, median", regained(planted), np.median, percent, 1, 0.9, 0.97
+        with_interval(
+            "held-out improvement, share of the oracle's, median",
+            recovered_share(planted),
+            np.median,
+            percent,
+            1,
+            0.9,
+            0.97,
         ),
         coverage("95 % intervals of the effect's parameters hold the truth", held, planted.intervals[held.index]),
     ]
 
 
-def _several(cases: pd.DataFrame) -> list[Measure]:
+def _several(cases: pd.DataFrame) -> list[ClaimLine]:
     pairs, outside = _of(cases, "double"), _of(cases, "outside")
     says = outside.answer_set.str.split("|").map(lambda names: UNNAMED in names).astype(bool)
     sure = outside.detected & ~says & (outside.confidence > SURE)
@@ -166,18 +172,18 @@ def _several(cases: pd.DataFrame) -> list[Measure]:
     ]
 
 
-def _crowds(cases: pd.DataFrame) -> list[Measure]:
+def _crowds(cases: pd.DataFrame) -> list[ClaimLine]:
     """Nothing where there is no crowd."""
     crowds = _of(cases, "crowd")
     if crowds.empty:
         return []
     far = crowds.heldout_after / crowds.heldout_oracle
     return [
-        average("crowd: precision of (kind, place)", crowds.precision, np.mean, percent, 1, 0.90, 0.97),
-        average("… recall of what an oracle tells from zero", crowds.recall, np.mean, percent, 1, 0.85, 0.95),
-        average("… sizes within 20 %", crowds.sizes_right, np.mean, percent),
+        with_interval("crowd: precision of (kind, place)", crowds.precision, np.mean, percent, 1, 0.90, 0.97),
+        with_interval("… recall of what an oracle tells from zero", crowds.recall, np.mean, percent, 1, 0.85, 0.95),
+        with_interval("… sizes within 20 %", crowds.sizes_right, np.mean, percent),
         share("… odd effect worth 5 % of the force named", crowds.odd_named[crowds.worth >= ODD], 1, 0.70, 0.90),
-        average("… held-out error over the oracle's, median", far, np.median, number(" ×"), -1, 1.3, 1.1),
+        with_interval("… held-out error over the oracle's, median", far, np.median, number(" ×"), -1, 1.3, 1.1),
         share("outside the catalogue: said so, and where", _said_where(_of(cases, "outside")), 1, 0.85, 0.92),
         *(
             share(f"false alarms where nothing is missing, {system}", own.detected, -1, 0.03, 0.01)
@@ -191,7 +197,7 @@ def _said_where(outside: pd.DataFrame) -> pd.Series:
     return says[outside.located.notna()].astype(bool) & outside.located.dropna().astype(bool)
 
 
-def _twins(cases: pd.DataFrame) -> list[Measure]:
+def _twins(cases: pd.DataFrame) -> list[ClaimLine]:
     twins, others = _of(cases, "twin"), _of(cases, "single", "double")
     both = twins.resolved_designed.notna() & twins.resolved_random.notna()
     gain = twins.resolved_designed[both].astype(float) - twins.resolved_random[both].astype(float)
@@ -201,17 +207,17 @@ def _twins(cases: pd.DataFrame) -> list[Measure]:
         share("… resolved rightly by one designed experiment, of all twins", answered, 1, np.nan, 0.85),
         share("… of those where an experiment was designed", twins.resolved_designed),
         share("… by one random experiment of the same limits", twins.resolved_random),
-        average("… designed over random, points", 100 * gain, np.mean, number(digits=0), 1, 20, np.nan),
+        with_interval("… designed over random, points", 100 * gain, np.mean, number(digits=0), 1, 20, np.nan),
         share("other sets: one designed experiment leaves the truth alone", others.resolved_designed),
         share("… one random experiment of the same limits", others.resolved_random),
     ]
 
 
-def _export(cases: pd.DataFrame) -> list[Measure]:
+def _export(cases: pd.DataFrame) -> list[ClaimLine]:
     off = cases.exported.dropna()
     return [
-        average("exported MJCF against our simulation, 95th percentile", off, _most, percent, -1, 0.02, 0.005),
-        average("… median", off, np.median, percent),
+        with_interval("exported MJCF against our simulation, 95th percentile", off, _most, percent, -1, 0.02, 0.005),
+        with_interval("… median", off, np.median, percent),
         share("… within 2 %", off <= 0.02),
     ]
 
@@ -220,7 +226,7 @@ def _most(values, axis=None):
     return np.percentile(values, 95, axis=axis)
 
 
-def _time(cases: pd.DataFrame) -> list[Measure]:
+def _time(cases: pd.DataFrame) -> list[ClaimLine]:
     six = cases[cases.system.str.startswith("six")]
     planar, seconds = cases[~cases.index.isin(six.index)], number(" s", 1)
     stage = cases.seconds_screening if "seconds_screening" in cases else np.nan * cases.seconds
@@ -230,12 +236,16 @@ def _time(cases: pd.DataFrame) -> list[Measure]:
     whole = spent / CORES / 60 * max(WHOLE / max(len(cases), 1), 1.0)
     what = f"whole benchmark, {WHOLE} cases, on 2 cores"
     return [
-        average("refitting all over screening all, time ratio, median", alone, np.median, times, 1, 20, 100),
-        average("… over all that is done before anything is refitted", refits / stage, np.median, times),
-        average("one planar case, all stages, median", planar.seconds, np.median, seconds, -1, 10, 5),
-        average("… 95th percentile", planar.seconds, _most, seconds),
-        *([average("one case of six joints, median", six.seconds, np.median, seconds, -1, 45, 20)] if len(six) else []),
-        Measure(what, whole, np.nan, np.nan, len(cases), -1, 60, 45, number(" min", 0)),
+        with_interval("refitting all over screening all, time ratio, median", alone, np.median, times, 1, 20, 100),
+        with_interval("… over all that is done before anything is refitted", refits / stage, np.median, times),
+        with_interval("one planar case, all stages, median", planar.seconds, np.median, seconds, -1, 10, 5),
+        with_interval("… 95th percentile", planar.seconds, _most, seconds),
+        *(
+            [with_interval("one case of six joints, median", six.seconds, np.median, seconds, -1, 45, 20)]
+            if len(six)
+            else []
+        ),
+        ClaimLine(what, whole, np.nan, np.nan, len(cases), -1, 60, 45, number(" min", 0)),
     ]
 
 
@@ -248,11 +258,13 @@ PEERS = {
 }
 
 
-def _peers(cases: pd.DataFrame) -> list[Measure]:
+def _peers(cases: pd.DataFrame) -> list[ClaimLine]:
     shared = cases[cases.heldout_blackbox.notna()]
     planted, refitted = _of(shared, "single", "double", "twin"), shared[shared.answer_refit_all.notna()]
     lines = [
-        average(f"share of the oracle's improvement, {name}", regained(planted, column), np.median, percent)
+        with_interval(
+            f"share of the oracle's improvement, {name}", recovered_share(planted, column), np.median, percent
+        )
         for column, name in PEERS.items()
     ]
     single, nothing = _of(refitted, "single"), _of(refitted, NULL)

@@ -12,7 +12,7 @@ HEAD = "| what | bar | aim | measured (95 % interval) | cases | reached |\n|---|
 
 
 @dataclass(frozen=True)
-class Measure:
+class ClaimLine:
     """One line: value with interval over n cases; low, high: NaN where none is stated; bar, aim: limits to judge by.
 
     sign: 1 if more is better, -1 if less is, 0 if nothing is demanded. form: how the value is written.
@@ -40,7 +40,7 @@ class Measure:
         return self.sign * self.value >= self.sign * limit - 1e-12
 
 
-class Coverage(Measure):
+class Coverage(ClaimLine):
     """Between 88 and 99 %, better between 93 and 97 %."""
 
     def _reaches(self, limit: float) -> bool:
@@ -57,31 +57,31 @@ def number(unit: str = "", digits: int = 2) -> Callable[[float], str]:
     return lambda value: f"{value:,.{digits}f}{unit}".replace("-", "−")
 
 
-def share(what: str, good: pd.Series, sign: int = 0, bar: float = np.nan, aim: float = np.nan) -> Measure:
+def share(what: str, good: pd.Series, sign: int = 0, bar: float = np.nan, aim: float = np.nan) -> ClaimLine:
     """A proportion of cases with its Wilson interval; `good` holds True and False, missing values are no cases."""
     good = good.dropna().astype(bool)
     if good.empty:
-        return Measure(what, np.nan, np.nan, np.nan, 0, sign, bar, aim, percent)
+        return ClaimLine(what, np.nan, np.nan, np.nan, 0, sign, bar, aim, percent)
     interval = binomtest(int(good.sum()), len(good)).proportion_ci(method="wilson")
-    return Measure(what, float(good.mean()), interval.low, interval.high, len(good), sign, bar, aim, percent)
+    return ClaimLine(what, float(good.mean()), interval.low, interval.high, len(good), sign, bar, aim, percent)
 
 
-def average(what: str, values: pd.Series, statistic, form, sign: int = 0, bar=np.nan, aim=np.nan) -> Measure:
+def with_interval(what: str, values: pd.Series, statistic, form, sign: int = 0, bar=np.nan, aim=np.nan) -> ClaimLine:
     """A statistic of cases with its bootstrap interval."""
     known = values.dropna().to_numpy(float)
     if not len(known):
-        return Measure(what, np.nan, np.nan, np.nan, 0, sign, bar, aim, form)
+        return ClaimLine(what, np.nan, np.nan, np.nan, 0, sign, bar, aim, form)
     drawn = np.random.default_rng(0).integers(len(known), size=(RESAMPLES, len(known)))
     low, high = np.percentile(statistic(known[drawn], axis=1), [2.5, 97.5])
-    return Measure(what, float(statistic(known)), float(low), float(high), len(known), sign, bar, aim, form)
+    return ClaimLine(what, float(statistic(known)), float(low), float(high), len(known), sign, bar, aim, form)
 
 
-def coverage(what: str, held: pd.Series, total: pd.Series) -> Measure:
+def coverage(what: str, held: pd.Series, total: pd.Series) -> ClaimLine:
     """The share of all intervals that hold the truth, `held` of `total` in each case; its own interval resamples cases:
     intervals of one case share its data."""
     # Too wide is as wrong as too narrow: what is judged is the distance to 95 %.
     if not len(held):
-        return Measure(what, np.nan, np.nan, np.nan, 0, 1, 0.88, 0.93, percent)
+        return ClaimLine(what, np.nan, np.nan, np.nan, 0, 1, 0.88, 0.93, percent)
     drawn = np.random.default_rng(0).integers(len(held), size=(RESAMPLES, len(held)))
     shares = held.to_numpy(float)[drawn].sum(1) / total.to_numpy(float)[drawn].sum(1)
     low, high = np.percentile(shares, [2.5, 97.5])
@@ -90,12 +90,12 @@ def coverage(what: str, held: pd.Series, total: pd.Series) -> Measure:
     )
 
 
-def as_markdown(lines: Sequence[Measure]) -> str:
+def as_markdown(lines: Sequence[ClaimLine]) -> str:
     """The lines as a table."""
     return "\n".join([HEAD, *(f"| {' | '.join(_cells(m))} |" for m in lines)])
 
 
-def _cells(m: Measure) -> tuple[str, ...]:
+def _cells(m: ClaimLine) -> tuple[str, ...]:
     sign = {1: "≥ ", -1: "≤ ", 0: ""}[m.sign]
     bar, aim = (sign + m.form(limit) if m.sign and np.isfinite(limit) else "–" for limit in (m.bar, m.aim))
     if isinstance(m, Coverage):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from fimpact.benchmark.planting.ground_truth import sharpen
+from fimpact.benchmark.planting.ground_truth import sharp_dry_friction
 from fimpact.benchmark.rigs.rig import Rig
 from fimpact.recordings import Unknown
 
@@ -75,7 +75,7 @@ def filled(rig: Rig, members: tuple[Member, ...]) -> Rig:
     for member in members:
         _put(spec.joint(member.site), {FIELDS[member.name]: member.size})
     for name in rig.driven:
-        sharpen(spec.joint(name), spec.option.timestep)
+        sharp_dry_friction(spec.joint(name), spec.option.timestep)
     freed = tuple(Unknown(FIELDS[member.name], member.site, FREE) for member in members)
     return replace(rig, text=_written(spec), unknowns=(*rig.unknowns, *freed))
 

@@ -77,11 +77,11 @@ def new_world(rig: Rig, errors: np.ndarray, fine: bool) -> World:
         _misjudge(spec, unknown.field, unknown.site, error)
     for joint in spec.joints:
         if joint.frictionloss:
-            sharpen(joint, spec.option.timestep)
+            sharp_dry_friction(joint, spec.option.timestep)
     return World(rig, spec, steps, np.zeros(len(rig.channels)))
 
 
-def sharpen(joint, step: float) -> None:
+def sharp_dry_friction(joint, step: float) -> None:
     """Have dry friction turn over with the speed and hold at rest: at MuJoCo's default it turns over some 10 ms before
     the speed does, as no friction would."""
     joint.solref_friction, joint.solimp_friction = (PROMPT * step, 1.0), FIRM

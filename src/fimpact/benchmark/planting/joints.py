@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from fimpact.benchmark.planting.ground_truth import FIRM, World, sharpen
+from fimpact.benchmark.planting.ground_truth import FIRM, World, sharp_dry_friction
 
 NEARLY_NONE = 1e-9  # N m: a friction row must exist when the model is compiled
 RINGING = 2e-3  # s, damping of an elastic gear over its stiffness
@@ -18,7 +18,7 @@ def coulomb(world: World, site: str, friction: float) -> None:
 def _exact(world, site):
     """The joint, its dry friction as sharp as the step."""
     joint = world.spec.joint(site)
-    sharpen(joint, world.step)
+    sharp_dry_friction(joint, world.step)
     return joint
 
 

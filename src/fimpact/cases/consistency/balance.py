@@ -38,7 +38,7 @@ class Balance:
 
 
 def balances_of(log: Log, columns: dict[str, list[int]]):
-    careful, blind = _wary(log.model), _wary(log.model)
+    careful, blind = _without_contact_forces(log.model), _without_contact_forces(log.model)
     blind.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
 
     @cache
@@ -123,7 +123,7 @@ def _free(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.nd
     return np.eye(model.nv) - np.linalg.pinv(tied) @ tied if len(tied) else np.eye(model.nv)
 
 
-def _wary(model: mujoco.MjModel) -> mujoco.MjModel:
+def _without_contact_forces(model: mujoco.MjModel) -> mujoco.MjModel:
     """The same model, which reports contacts before they exert a force (real surfaces are some millimetres off), and
     whose actuators clip nothing."""
     model, sizes = copy(model), model.geom_rbound[model.geom_rbound > 0]

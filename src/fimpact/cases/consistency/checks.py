@@ -19,7 +19,7 @@ from fimpact.cases.consistency.ties import doubt, note
 from fimpact.cases.errors import CaseError
 from fimpact.cases.raw_runs import Source, find
 from fimpact.cases.readers.columns import Column
-from fimpact.cases.runs import FEWEST, Sampled
+from fimpact.cases.runs import FEWEST, ResampledRun
 from fimpact.recordings import Recording
 
 NOTHING = 1e-12  # of anything measured, in SI units
@@ -75,7 +75,7 @@ def _same(one: np.ndarray | None, other: np.ndarray | None) -> bool:
     return one is other or (one is not None and other is not None and np.array_equal(one, other))
 
 
-def check_columns(runs: list[Sampled], commands: list[Command], seen: list[Channel], accept: set[str]) -> None:
+def check_columns(runs: list[ResampledRun], commands: list[Command], seen: list[Channel], accept: set[str]) -> None:
     """Judge the columns of each run as they stand in its rows.
 
     Raises:

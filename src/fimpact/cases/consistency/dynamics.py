@@ -19,7 +19,7 @@ from fimpact.cases.consistency.misreadings import Misreading, Positions, misread
 from fimpact.cases.consistency.ties import DECLARED, FEWEST, MODEL_ERROR, NOTHING, Left, Reading, Tie, bounded, least
 
 HOPEFUL = 0.5  # share that a reading may leave at first sight to be looked at closely
-CAPS = (60, 98)  # percentiles of acceleration up to which samples weigh in full; the better counts
+CLIP_PERCENTILES = (60, 98)  # percentiles of acceleration up to which samples weigh in full; the better counts
 FRICTION = 10.0  # friction decelerates at most this many times as strongly as recorded
 SCALE = 4.0  # masses of a naive model may be this much off
 ROTOR = 10.0  # inertia of a drive is at most this many times that of the model
@@ -84,7 +84,9 @@ def _found(log: Log, balances, joints, group: int, positions: Positions, reading
         balance = balances(positions, group, width, quick)
         if joints and len(balance.rows) >= FEWEST:
             commands = _commands(log, group, readings, LATE[:1] if quick or not log.model.nu else LATE)
-            found = _unbalanced(balance, commands, joints, readings, CAPS[1:] if quick else CAPS)
+            found = _unbalanced(
+                balance, commands, joints, readings, CLIP_PERCENTILES[1:] if quick else CLIP_PERCENTILES
+            )
             out = {reading: least([out[reading], one]) for reading, one in zip(out, found, strict=True)}
     return out
 

@@ -42,7 +42,7 @@ _Dumper.add_representer(Asked, _asked)
 
 
 @dataclass
-class First:
+class DraftCase:
     """A case to be written. open: what has to be filled in; taken: what was concluded, to be looked at."""
 
     case: dict

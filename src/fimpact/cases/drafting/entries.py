@@ -3,7 +3,7 @@
 import numpy as np
 
 from fimpact.cases.drafting.column_names import OPEN, best, unit, words
-from fimpact.cases.drafting.draft import Asked, First, some
+from fimpact.cases.drafting.draft import Asked, DraftCase, some
 from fimpact.cases.drafting.evidence import OTHER, alike, may_be_share, position_unit, share_unit
 from fimpact.cases.drafting.matching import NAME, Match, Matches
 from fimpact.cases.drafting.roles import KNOWN
@@ -16,7 +16,7 @@ GRIPPERS = {"gripper", "jaw", "grip"}
 PARTS = ("commands", "measurements")
 
 
-def write_entries(naive: Naive, table: Table, found: Matches, first: First) -> None:
+def write_entries(naive: Naive, table: Table, found: Matches, first: DraftCase) -> None:
     """Put commands and measurements into a first case, and say what is open or was concluded.
 
     Args:
@@ -65,7 +65,7 @@ def _contradicted(match: Match) -> str:
     return told[0] if told else ""
 
 
-def _units(naive: Naive, found: Matches, first: First) -> dict[tuple[str, str], str]:
+def _units(naive: Naive, found: Matches, first: DraftCase) -> dict[tuple[str, str], str]:
     """Unit of each entry: told, or concluded from values, or asked for, once for all of one quantity."""
     every = {(part, key): match for part in PARTS for key, match in getattr(found, part).items()}
     out = {at: _told(match) for at, match in every.items()}
@@ -147,7 +147,7 @@ def _bounded(naive: Naive, pool: dict, ats: list) -> list[tuple[np.ndarray, tupl
     return out
 
 
-def _say_commands(found: Matches, first: First) -> None:
+def _say_commands(found: Matches, first: DraftCase) -> None:
     for key, match in found.commands.items():
         entry = first.case["commands"][key]
         if entry["meaning"] == "command":
@@ -160,7 +160,7 @@ def _say_commands(found: Matches, first: First) -> None:
             first.open.append(f"commands.{key}.gain: what converts {entry['unit']} to {match.wanted}")
 
 
-def _say_how(found: Matches, first: First) -> None:
+def _say_how(found: Matches, first: DraftCase) -> None:
     for part in PARTS:
         table = getattr(found, part)
         for how in dict.fromkeys(match.how for match in table.values() if match.how != NAME):
@@ -169,7 +169,7 @@ def _say_how(found: Matches, first: First) -> None:
             first.taken.append(f"{part}: {columns} taken for {some(keys)} {how}: check it")
 
 
-def _say_alike(naive: Naive, table: Table, found: Matches, first: First) -> None:
+def _say_alike(naive: Naive, table: Table, found: Matches, first: DraftCase) -> None:
     """Whether servos' joints move as the commands that were taken for them by number or order."""
     times = {one.group: one.values for one in table if one.name == first.case["time"]["column"]}
     told = {match.joint: (key, match) for key, match in found.commands.items() if match.joint and match.how != NAME}
@@ -189,7 +189,7 @@ def _say_alike(naive: Naive, table: Table, found: Matches, first: First) -> None
         first.taken.append(f"commands: correlation with how their joints move: {min(own.values()):.2f} and more")
 
 
-def _say_left(naive: Naive, found: Matches, first: First) -> None:
+def _say_left(naive: Naive, found: Matches, first: DraftCase) -> None:
     for name in naive.names("actuator"):
         if name not in found.commands:
             first.open.append(f"commands.{name}: no column matches this actuator")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fimpact.cases.drafting.column_names import OPEN, unit, words
-from fimpact.cases.drafting.draft import First
+from fimpact.cases.drafting.draft import DraftCase
 from fimpact.cases.drafting.entries import write_entries
 from fimpact.cases.drafting.evidence import CLOCKS, time_unit
 from fimpact.cases.drafting.matching import matches
@@ -22,7 +22,7 @@ RUNS = {"episode", "episodes", "run", "runs", "trial", "trials", "toss", "drop",
 HELD_OUT = 0.3  # share of a log that is held out
 
 
-def first_case(model: Path, logs: list[Path], out: Path) -> First:
+def draft_case(model: Path, logs: list[Path], out: Path) -> DraftCase:
     """A case for `logs`, with paths relative to the folder of `out`. The last of several is held out; of one, the last
     of its runs, or its end.
 
@@ -32,7 +32,7 @@ def first_case(model: Path, logs: list[Path], out: Path) -> First:
     naive, everything = read_model(model), read_table(logs[0])
     table = [column for column in everything if column.values.dtype.kind == "f" and len(column.values) > 1]
     time, rest = _times(table)
-    first = First({"model": _relative(model, out)})
+    first = DraftCase({"model": _relative(model, out)})
     first.case["time"] = _time(time, rest, first)
     by = _split(everything, time) if time else None
     apart = {id(column) for column in (time, rest, by)} | {id(column) for column in table if column.clock}
@@ -82,7 +82,7 @@ def _rests(name: str) -> list[str]:
     return [stem + rest for rest in ("nanosec", "nsecs")] if whole else []
 
 
-def _time(time: Column | None, rest: Column | None, first: First) -> dict:
+def _time(time: Column | None, rest: Column | None, first: DraftCase) -> dict:
     if time is None:
         first.open.append("time: no column looks like a time; give its column and unit, or `rate:` in Hz")
         return {"column": OPEN, "unit": OPEN}
@@ -111,7 +111,7 @@ def _split(table: Table, time: Column) -> Column | None:
     return None
 
 
-def _runs(files: list[str], time: Column | None, by: Column | None, first: First) -> list[dict]:
+def _runs(files: list[str], time: Column | None, by: Column | None, first: DraftCase) -> list[dict]:
     split = {"split": by.name} if by else {}
     if len(files) > 1:
         return [{"file": file, **split} for file in files[:-1]] + [{"file": files[-1], **split, "held_out": True}]
@@ -128,7 +128,7 @@ def _plain(value: float | str) -> int | float | str:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _cut(file: str, time: Column | None, first: First) -> list[dict]:
+def _cut(file: str, time: Column | None, first: DraftCase) -> list[dict]:
     """The two parts of a log of one run."""
     cut: Any = OPEN
     scale = CLOCKS.get(first.case["time"]["unit"])

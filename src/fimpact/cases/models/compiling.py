@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
-from fimpact.cases.errors import CaseError, reason
+from fimpact.cases.errors import CaseError, summarise_exception
 from fimpact.support.mujoco_setup import hush
 from fimpact.support.visual_meshes import without_visuals
 
@@ -58,7 +58,7 @@ def compiled(tree: ElementTree.Element, path: Path) -> mujoco.MjModel:
     try:
         return without_visuals(mujoco.MjSpec.from_string(xml)).compile()
     except Exception as error:
-        raise CaseError(f"MJCF {path} does not compile: {reason(error)}; correct it") from None
+        raise CaseError(f"MJCF {path} does not compile: {summarise_exception(error)}; correct it") from None
 
 
 def _depth(tree: ElementTree.Element) -> int:
@@ -128,4 +128,4 @@ def _try_in_child(xml: str, path: Path, most: str) -> None:
             "what a robot and its surroundings need; make it smaller or leave it out"
         )
     if tried.returncode:
-        raise CaseError(f"MJCF {path} does not compile: {reason(ValueError(said))}; correct it")
+        raise CaseError(f"MJCF {path} does not compile: {summarise_exception(ValueError(said))}; correct it")

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
-from fimpact.cases.errors import CaseError, listed, one_of, reason
+from fimpact.cases.errors import CaseError, listed, one_of, summarise_exception
 from fimpact.cases.models.compiling import compiled
 from fimpact.cases.models.plausible import check_model, check_numbers
 
@@ -103,7 +103,7 @@ def _parsed(path: Path, main: Path) -> ElementTree.Element:
             raise CaseError(f"MJCF {path}{what} declares entities; allowed: plain XML; remove the declaration")
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
-        raise CaseError(f"MJCF {path}{what} is not XML: {reason(error)}; correct it") from None
+        raise CaseError(f"MJCF {path}{what} is not XML: {summarise_exception(error)}; correct it") from None
 
 
 def _include(tree: ElementTree.Element, main: Path, seen: tuple[Path, ...], found: list[Path] | None = None) -> None:

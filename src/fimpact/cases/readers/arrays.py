@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from fimpact.cases.errors import CaseError
-from fimpact.cases.readers.columns import LARGEST, Column, Table, decimal, exact
+from fimpact.cases.readers.columns import MAX_BYTES, Column, Table, decimal, exact
 
 
 def npy(path: Path) -> Table:
     """Columns of an NPY file: the fields of a structured array, or ``[0]``, ``[1]``, ... of a plain one."""
     values = np.load(path, mmap_mode="r", allow_pickle=False)
-    if values.nbytes > LARGEST:
-        raise CaseError(f"data file {path} has {values.nbytes} bytes; allowed: {LARGEST}; decimate it before")
+    if values.nbytes > MAX_BYTES:
+        raise CaseError(f"data file {path} has {values.nbytes} bytes; allowed: {MAX_BYTES}; decimate it before")
     if values.dtype.names:
         return [column for name in values.dtype.names for column in _columns(name, values[name], path.name)]
     return list(_columns("" if np.squeeze(values).ndim > 1 else path.stem, values, path.name))
@@ -35,8 +35,8 @@ def npz(path: Path) -> Table:
 def _bounded(path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         size = sum(entry.file_size for entry in archive.infolist())
-    if size > LARGEST:
-        raise CaseError(f"data file {path} unpacks to {size} bytes; allowed: {LARGEST}; decimate it before")
+    if size > MAX_BYTES:
+        raise CaseError(f"data file {path} unpacks to {size} bytes; allowed: {MAX_BYTES}; decimate it before")
 
 
 def _safe(arrays, name: str, path: Path) -> np.ndarray:

@@ -10,8 +10,8 @@ from fimpact.cases.errors import CaseError
 
 SPAN = 100 * 86_400 * 10**9  # ns that float holds exactly: 100 days
 SI = "SI"  # unit of a column whose format has SI units by convention
-LARGEST = 4 << 30  # bytes of numbers in a file; more than this is a compressed bomb or needs decimation before
-WIDEST = 10_000  # columns of a file
+MAX_BYTES = 4 << 30  # bytes of numbers in a file; more than this is a compressed bomb or needs decimation before
+MAX_COLUMNS = 10_000  # columns of a file
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,10 @@ Table = list[Column]
 
 def narrow(table: Sequence, path: Path) -> Sequence:
     """The `table`, if it has no more columns than a file may have. Raises CaseError."""
-    if len(table) > WIDEST:
-        raise CaseError(f"data file {path} has {len(table)} columns; allowed: {WIDEST}; leave out what is not needed")
+    if len(table) > MAX_COLUMNS:
+        raise CaseError(
+            f"data file {path} has {len(table)} columns; allowed: {MAX_COLUMNS}; leave out what is not needed"
+        )
     return table
 
 

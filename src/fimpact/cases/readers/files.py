@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from fimpact.cases.errors import CaseError, listed, reason
+from fimpact.cases.errors import CaseError, listed, summarise_exception
 from fimpact.cases.readers import arrays, arrow_tables, lerobot, ros, texts
 from fimpact.cases.readers.columns import Table, narrow
 
@@ -29,7 +29,7 @@ def read_table(path: Path) -> Table:
         raise
     except Exception as error:
         raise CaseError(
-            f"data file {path} cannot be read as {kind}: {reason(error)}; "
+            f"data file {path} cannot be read as {kind}: {summarise_exception(error)}; "
             "it may be damaged or of another format; write it again"
         ) from None
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fimpact.cases.errors import CaseError, listed, reason
+from fimpact.cases.errors import CaseError, listed, summarise_exception
 from fimpact.cases.readers.columns import SI, Column, Table, exact
 
 STATES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
@@ -50,7 +50,7 @@ def bag(path: Path) -> Table:
             topics, unread = _topics(reader, path)
     except AnyReaderError as error:
         hint = "; it was not closed: repair it with `mcap recover`" if "end magic" in str(error) else ""
-        raise CaseError(f"data file {path} cannot be read as a bag: {reason(error)}{hint}") from None
+        raise CaseError(f"data file {path} cannot be read as a bag: {summarise_exception(error)}{hint}") from None
     except KeyError as error:
         raise CaseError(
             f"data file {path} holds messages of the encoding or type {error}, which is none of ROS; export the "
@@ -89,7 +89,7 @@ def _unreadable(reader, connection, path: Path) -> str:
     try:
         message = reader.deserialize(first[2], connection.msgtype)
     except Exception as error:
-        return f"its definition is not in the bag or does not fit ({reason(error)})"
+        return f"its definition is not in the bag or does not fit ({summarise_exception(error)})"
     rows = list(_rows(message, path))
     count = max((len(row) for _, row in rows), default=0)
     return "no numbers" if not count else f"{count} numbers a message" if count > WIDE else ""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from fimpact.cases.errors import CaseError, reason
+from fimpact.cases.errors import CaseError, summarise_exception
 from fimpact.cases.readers.arrow_tables import arrow
 from fimpact.cases.readers.columns import Table
 
@@ -42,7 +42,7 @@ def csv(path: Path) -> Table:
         table = csv.read_csv(_plain(path, layout), read, cells, convert)
     except Exception as error:
         raise CaseError(
-            f"data file {path}: {reason(error)}; every line must have as many cells as the first; "
+            f"data file {path}: {summarise_exception(error)}; every line must have as many cells as the first; "
             "the file may be truncated: complete it or remove the broken line"
         ) from None
     return arrow(table, path, layout.units)

@@ -15,7 +15,7 @@ LONGEST = 4000  # samples of an experiment: a recording of minutes asks for no d
 
 
 @dataclass(frozen=True)
-class Limits:
+class DesignSpace:
     """Bounds of a flat design, (d,), and how it becomes an experiment: the height of each knot, how gently commands go
     from one to the next, how much of its range each command takes for a square wave, how quick that is, 0 to 1, and
     the start."""
@@ -58,7 +58,7 @@ class Limits:
         return np.clip(out, self.low, self.high)
 
 
-def limits(recording: Recording, model: mujoco.MjModel, noise: np.ndarray) -> Limits:
+def limits(recording: Recording, model: mujoco.MjModel, noise: np.ndarray) -> DesignSpace:
     """Find the smallest and largest command of each actuator and state at a run's start, over the training runs.
 
     Args:
@@ -70,7 +70,7 @@ def limits(recording: Recording, model: mujoco.MjModel, noise: np.ndarray) -> Li
     low = np.concatenate([np.tile(ctrl.min(0), KNOTS), [ABRUPT], none, start.min(0)])
     high = np.concatenate([np.tile(ctrl.max(0), KNOTS), [1.0], all_, start.max(0)])
     samples = min(max(len(run.measured) for run in recording.training), LONGEST)
-    return Limits(low, high, samples, model)
+    return DesignSpace(low, high, samples, model)
 
 
 def _start(recording: Recording, model: mujoco.MjModel, run, noise: np.ndarray) -> np.ndarray:

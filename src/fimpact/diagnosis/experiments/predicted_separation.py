@@ -27,7 +27,7 @@ OPEN = 1e-12  # added to scaled information, so that a direction without any can
 
 
 @dataclass(frozen=True)
-class Known:
+class PriorKnowledge:
     """What is known before an experiment.
 
     members: the explanations. noise: sd of the readings, (ny,). force: sd of the missing force in a sample, (nv,), N or
@@ -41,7 +41,7 @@ class Known:
     information: np.ndarray
 
 
-def separations(known: Known, ctrl: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+def separations(known: PriorKnowledge, ctrl: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
     """Predict the non-centrality of each pair of members for each of n experiments, (n, pairs); 0 where one diverges.
 
     Args:
@@ -62,7 +62,7 @@ def separations(known: Known, ctrl: np.ndarray, qpos: np.ndarray, qvel: np.ndarr
 class Played:
     """n experiments in simulation, a whole run each."""
 
-    def __init__(self, known: Known, ctrl: np.ndarray, qpos: np.ndarray, qvel: np.ndarray):
+    def __init__(self, known: PriorKnowledge, ctrl: np.ndarray, qpos: np.ndarray, qvel: np.ndarray):
         self.known, self.model = known, known.simulator.base
         self.states = States(qpos, qvel, _activations(self.model, ctrl))
         count, samples = ctrl.shape[:2]

@@ -27,7 +27,7 @@ class Resolved:
     fitted: Smoothed
 
 
-def stated(recording: Recording, diagnosis: dict) -> np.ndarray:
+def stated_unknowns(recording: Recording, diagnosis: dict) -> np.ndarray:
     """Read where a `diagnosis` in plain types says that the unknowns are, (p,)."""
     after = {row["of"]: row["after"] for row in diagnosis["parameters"]}
     return np.array([after[unknown.name] for unknown in recording.unknowns])
@@ -44,7 +44,7 @@ def resolve(
 
     Args:
         members: each a mapping ``effect@site`` -> values, as `diagnosis.json` holds them.
-        begin: unknowns where fits begin (`stated`); None: as the model has them.
+        begin: unknowns where fits begin (`stated_unknowns`); None: as the model has them.
 
     Raises:
         ValueError: a member names no effect of the catalogue, or cannot be simulated on the added runs.
@@ -91,7 +91,7 @@ def shapes_of(fit: Smoothed) -> list[Parameter]:
     return [number for number in fit.numbers if (number.place, number.name) in own]
 
 
-def remaining(ranked: Sequence[Resolved]) -> list[str]:
+def surviving_names(ranked: Sequence[Resolved]) -> list[str]:
     """Names that remain of what `resolve` returns: those that are not unlikely beside the likeliest."""
     return [member.name for member in ranked if member.weight > UNLIKELY * ranked[0].weight]
 

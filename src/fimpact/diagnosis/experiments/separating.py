@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from cmaes import CMA
 
-from fimpact.diagnosis.experiments.design_space import Limits, limits
-from fimpact.diagnosis.experiments.predicted_separation import Known, separations, unknown_information
+from fimpact.diagnosis.experiments.design_space import DesignSpace, limits
+from fimpact.diagnosis.experiments.predicted_separation import PriorKnowledge, separations, unknown_information
 from fimpact.recordings import Recording
 from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.simulator import Simulator
@@ -16,9 +16,12 @@ POOL = 24  # random experiments to start from, a third of them smaller than the 
 POPULATION, GENERATIONS = 8, 24  # of the search that follows
 SPREAD = 0.1  # its first steps, of the limits
 NEEDED = 11.0  # non-centrality for 80 % power at 1 %
-ENOUGH, PATIENCE = 2.5 * NEEDED, 6  # separation of all pairs, and generations in a row no better, that end the search
-BETTER = 1.02  # times the utility, of an experiment that keeps it going
-TRIED, VAIN = 8, 0.02  # generations after which a search ends whose best has a lower utility
+ENOUGH_SEPARATION, PATIENCE = (
+    2.5 * NEEDED,
+    6,
+)  # separation of all pairs, and generations in a row no better, that end the search
+MIN_IMPROVEMENT = 1.02  # times the utility, of an experiment that keeps it going
+MIN_GENERATIONS, MIN_UTILITY = 8, 0.02  # generations after which a search ends whose best has a lower utility
 
 
 @dataclass(frozen=True)
@@ -58,11 +61,12 @@ def discriminate(
 
     Args:
         noise: sd of the readings, (ny,). force: sd of the missing force in a sample, (nv,); None: nothing is missing.
-        information: of the unknowns, (p, p), as `Known` has it; None: their priors'.
+        information: of the unknowns, (p, p), as `PriorKnowledge` has it; None: their priors'.
     """
     told = unknown_information(simulator, members[0].theta) if information is None else information
     force = np.zeros(simulator.base.nv) if force is None else force
-    known, allowed = Known(simulator, tuple(members), noise, force, told), limits(recording, simulator.base, noise)
+    known = PriorKnowledge(simulator, tuple(members), noise, force, told)
+    allowed = limits(recording, simulator.base, noise)
     rng = np.random.default_rng(seed)
 
     def value(designs: np.ndarray) -> np.ndarray:
@@ -83,21 +87,23 @@ def utility(pairs: np.ndarray) -> np.ndarray:
     return (pairs / (pairs + NEEDED)).mean(1)
 
 
-def _search(value, allowed: Limits, best: np.ndarray, pairs: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _search(
+    value, allowed: DesignSpace, best: np.ndarray, pairs: np.ndarray, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
     """The design of most utility and its separations, from `best` on, whose own are `pairs`."""
     span, most = np.maximum(allowed.high - allowed.low, 1e-9), utility(pairs[None])[0]
     box = np.tile([0.0, 1.0], (len(span), 1))
     cma = CMA((best - allowed.low) / span, SPREAD, box, seed=seed, population_size=POPULATION)
     last = 0
     for generation in range(GENERATIONS):
-        vain = generation >= TRIED and most < VAIN
-        if vain or pairs.min() > ENOUGH or generation - last > PATIENCE:
+        vain = generation >= MIN_GENERATIONS and most < MIN_UTILITY
+        if vain or pairs.min() > ENOUGH_SEPARATION or generation - last > PATIENCE:
             break
         asked = np.array([cma.ask() for _ in range(POPULATION)])
         found = value(allowed.low + asked * span)
         gains = utility(found)
         cma.tell([(point, -gain) for point, gain in zip(asked, gains, strict=True)])
-        last = generation if gains.max() > BETTER * most else last
+        last = generation if gains.max() > MIN_IMPROVEMENT * most else last
         if gains.max() > most:
             at = np.argmax(gains)
             best, pairs, most = allowed.low + asked[at] * span, found[at], gains[at]

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from fimpact.diagnosis.identifiability.judging import Asked, Judge
-from fimpact.diagnosis.identifiability.motion_model import Bench
+from fimpact.diagnosis.identifiability.motion_model import EditedCopy
 from fimpact.diagnosis.identifiability.quick_look import Sight, look
-from fimpact.diagnosis.identifiability.sentences import Told, told
+from fimpact.diagnosis.identifiability.sentences import Told, findings_to_tell
 from fimpact.diagnosis.identifiability.suspects import first_suspects, of_choices, of_usual_size, unknown, without_twins
 from fimpact.recordings import Recording
 from fimpact.selection.regression import Regression
@@ -28,7 +28,7 @@ def not_shown(recording: Recording, asked: Regression, rivals: Collection[str] =
     judge = _judge(asked, _still(sight) if sight else set())
     judged = judge.judged()
     alike = tuple(group for group in judged.alike if not set(group) <= set(rivals))
-    return tuple(told(replace(judged, alike=alike), judge.asked, sight))
+    return tuple(findings_to_tell(replace(judged, alike=alike), judge.asked, sight))
 
 
 def _still(sight: Sight) -> set[str]:
@@ -64,7 +64,7 @@ def _tried(
     every = [unknown(n) for n in numbers if n.place < 0]
     for rows in chosen.values():
         every += of_choices(candidates[rows[0]].effect, [candidates[i] for i in rows])
-    bench = Bench(regression.smoothed.linear.plant.model)
+    bench = EditedCopy(regression.smoothed.linear.plant.model)
     kept = {one.name for one in without_twins(every, bench) if not one.free}
     found = {}
     for name, rows in chosen.items():

@@ -37,7 +37,7 @@ class Commands:
     rows: np.ndarray
 
 
-class Bench:
+class EditedCopy:
     """A copy of a model that is edited again and again: copying a model with meshes takes longer than all else."""
 
     def __init__(self, model: mujoco.MjModel):
@@ -69,7 +69,7 @@ class Motion:
     """
 
     track: Track
-    bench: Bench
+    bench: EditedCopy
     qpos: np.ndarray
     qvel: np.ndarray
     qacc: np.ndarray

@@ -9,7 +9,7 @@ import numpy as np
 
 from fimpact.deciding import BELIEF
 from fimpact.diagnosis.identifiability.judging import Asked, Judge
-from fimpact.diagnosis.identifiability.motion_model import Bench, Commands, Motion
+from fimpact.diagnosis.identifiability.motion_model import Commands, EditedCopy, Motion
 from fimpact.diagnosis.identifiability.suspects import Suspect, columns, other_sizes, suspects
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Effect, Scales
@@ -155,7 +155,9 @@ def _motion(track: Track, states: States, doubt, still: np.ndarray, free: np.nda
             qpos[:, track.model.jnt_qposadr[joint]] = qpos[:, track.model.jnt_qposadr[joint]].mean()
     lengths = np.bincount(track.run_of[rows], minlength=len(track.runs))
     commands = Commands(track.ctrl[:, 0], track.time, tuple(track.lengths), rows)
-    return Motion(track, Bench(untouched(track.model)), qpos, qvel, qacc, commands, doubt, tuple(lengths[lengths > 0]))
+    return Motion(
+        track, EditedCopy(untouched(track.model)), qpos, qvel, qacc, commands, doubt, tuple(lengths[lengths > 0])
+    )
 
 
 def untouched(model: mujoco.MjModel) -> mujoco.MjModel:

@@ -39,7 +39,7 @@ class Told:
     motion: str
 
 
-def told(judged: Judged, asked: Sequence[Asked], sight: Sight | None) -> list[Told]:
+def findings_to_tell(judged: Judged, asked: Sequence[Asked], sight: Sight | None) -> list[Told]:
     """What is to be said, at most `MOST` lines, what the case frees and what is suspected first before the rest.
 
     Args:

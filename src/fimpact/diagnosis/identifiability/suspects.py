@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from fimpact.diagnosis.identifiability.judging import Asked
-from fimpact.diagnosis.identifiability.motion_model import Bench, Motion, setter, stacked
+from fimpact.diagnosis.identifiability.motion_model import EditedCopy, Motion, setter, stacked
 from fimpact.effects.base import MOTOR, Effect, Placed, Scales
 from fimpact.smoothing.candidates import Candidate, at
 from fimpact.smoothing.parameters import Parameter, parameters
@@ -110,7 +110,7 @@ def _made(maker: Placed | Parameter, motion: Motion) -> np.ndarray | None:
     return motion.of_effect(maker) if isinstance(maker, Placed) else motion.of_number(maker)
 
 
-def without_twins(found: Sequence[Suspect], bench: Bench) -> list[Suspect]:
+def without_twins(found: Sequence[Suspect], bench: EditedCopy) -> list[Suspect]:
     """Of several that change the same numbers of the model, the first."""
     kept, known = [], set()
     for own in found:
@@ -121,7 +121,7 @@ def without_twins(found: Sequence[Suspect], bench: Bench) -> list[Suspect]:
     return kept
 
 
-def _numbers(maker: Placed | Parameter, bench: Bench) -> frozenset[tuple[str, int]]:
+def _numbers(maker: Placed | Parameter, bench: EditedCopy) -> frozenset[tuple[str, int]]:
     if isinstance(maker, Parameter):
         return bench.numbers(setter(maker))
     if maker.effect.enters != "model":

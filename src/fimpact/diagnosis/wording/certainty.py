@@ -126,7 +126,7 @@ def _why_not(smoothed: Smoothed, place: int, own: list[tuple[Parameter, dict]]) 
     return None
 
 
-def told(finding: Finding) -> list[dict[str, Any]]:
+def numbers_worth_telling(finding: Finding) -> list[dict[str, Any]]:
     """The numbers of an effect that its intervals tell from nothing, and that are something beside the largest."""
     most: dict[str, float] = {}
     for row in finding.rows:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fimpact.diagnosis.wording.certainty import CERTAIN, POSSIBLE, SLIGHT, Finding, told
+from fimpact.diagnosis.wording.certainty import CERTAIN, POSSIBLE, SLIGHT, Finding, numbers_worth_telling
 from fimpact.effects.base import words
 
 MANY = 3  # effects of a kind that are listed by place; more are counted
@@ -24,7 +24,7 @@ def _one_digit(size: float) -> str:
 
 def effect_in_words(finding: Finding) -> str:
     """``coulomb at joint_2 (friction 0.0299 ± 0.0002 N m)``."""
-    rows = told(finding)
+    rows = numbers_worth_telling(finding)
     numbers = f" ({', '.join(map(value_in_words, rows[:2]))})" if rows else ""
     return words(finding.name) + numbers
 

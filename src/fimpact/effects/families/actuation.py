@@ -89,7 +89,7 @@ def _actuators(signal: Signal, site) -> list[int]:
 
 def _saturation_probes(scales, model, site):
     """From what the motion needed, which a limit cannot have been below, to what it hardly touches."""
-    most = typical.summit(scales, model, site)
+    most = typical.max_actuator_force(scales, model, site)
     least = scales.needed[model.actuator(site).id] or LEAST * most
     return [{"limit": float(limit)} for limit in np.geomspace(min(least, MOST * most), MOST * most, LEVELS)]
 
@@ -107,7 +107,7 @@ def _rotor_probes(scales, model, site):
 
 
 def _offset_probes(scales, model, site):
-    return [{"offset": typical.SMALL * typical.drive(scales, model, site)}]
+    return [{"offset": typical.SMALL * typical.rms_actuator_force(scales, model, site)}]
 
 
 EFFECTS = (

@@ -5,7 +5,7 @@ import numpy as np
 
 from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import Coefficient, Effect
-from fimpact.effects.families.environment import stale
+from fimpact.effects.families.environment import without_midphase
 from fimpact.effects.native import exporting
 
 SOFT = "Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014"
@@ -77,7 +77,7 @@ def rounded_edge(model, site, radius):
         change = np.clip(radius, -model.pair_margin[pair], BLUNT * model.geom_size[geom].min())
         model.geom_size[geom] -= change
         model.pair_margin[pair] += change
-    stale(model)
+    without_midphase(model)
 
 
 def _raised(friction, change):

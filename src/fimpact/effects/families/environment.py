@@ -33,7 +33,7 @@ def ground_height(model, site, height):
     if height:
         geom = model.geom(site).id
         model.geom_pos[geom] += height * _axis(model, geom, 2)
-        stale(model)
+        without_midphase(model)
 
 
 def ground_tilt(model, site, tilt_x, tilt_y):
@@ -41,7 +41,7 @@ def ground_tilt(model, site, tilt_x, tilt_y):
     if tilt_x or tilt_y:
         geom, before = model.geom(site).id, model.geom(site).quat.copy()
         mujoco.mju_mulQuat(model.geom_quat[geom], before, quaternion(np.array([tilt_x, tilt_y, 0.0])))
-        stale(model)
+        without_midphase(model)
 
 
 def gravity_scale(model, site, change):
@@ -49,7 +49,7 @@ def gravity_scale(model, site, change):
     model.opt.gravity *= 1 + change
 
 
-def stale(model) -> None:
+def without_midphase(model) -> None:
     """A geom has moved: MuJoCo's tree of bounding boxes is that of the compiled model, and may miss contacts."""
     model.opt.disableflags |= NO_MIDPHASE
 
@@ -62,7 +62,8 @@ def _axis(model, geom: int, axis: int) -> np.ndarray:
 
 def _drag_probes(power):
     def probes(scales, model, site):
-        return [{"coefficient": typical.SMALL * typical.push(scales, model) / typical.pace(scales, model) ** power}]
+        size = typical.SMALL * typical.max_force(scales, model) / typical.max_speed(scales, model) ** power
+        return [{"coefficient": size}]
 
     return probes
 

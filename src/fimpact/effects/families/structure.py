@@ -92,7 +92,7 @@ def _free_name(spec, name: str) -> str:
 def _spring_probes(scales, model, site):
     travel = typical.travel(scales, model, site)
     stiffness = typical.SMALL * typical.force(scales, model, site) / travel
-    middle, sizes = typical.middle(scales, model, site), map(float, np.hypot(1, RESTS))
+    middle, sizes = typical.mean_position(scales, model, site), map(float, np.hypot(1, RESTS))
     # From a nearly constant pull over one that changes sign on the way to its opposite: rests between add up to these.
     return [{"stiffness": stiffness / n, "rest": middle + far * travel} for far, n in zip(RESTS, sizes, strict=True)]
 
@@ -100,7 +100,8 @@ def _spring_probes(scales, model, site):
 def _rests(scales, model, site):
     """No hinge is further from any angle than half a turn, and no slide from any place than the mechanism is long."""
     half = np.pi if model.joint(site).type[0] == sites.HINGE else scales.length
-    middle, far = typical.middle(scales, model, site), max(half, max(RESTS) * typical.travel(scales, model, site))
+    middle = typical.mean_position(scales, model, site)
+    far = max(half, max(RESTS) * typical.travel(scales, model, site))
     return {"rest": (middle - far, middle + far)}
 
 
@@ -109,7 +110,8 @@ def _hardening_probes(scales, model, site):
 
 
 def _cable_probes(scales, model, site):
-    stiffness, centre = typical.SMALL * typical.push(scales, model) / scales.length, typical.reference(model, site)[0]
+    stiffness = typical.SMALL * typical.max_force(scales, model) / scales.length
+    centre = typical.reference(model, site)[0]
     ways = [side * np.eye(3)[axis] for axis in typical.directions(model) for side in (-1, 1)]
     anchors = [centre + scales.length * way for way in ways]
     names = ("anchor_x", "anchor_y", "anchor_z")
