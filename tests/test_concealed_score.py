@@ -9,7 +9,7 @@ import pytest
 from concealed_cases import cases
 from conftest import ROOT, marked
 
-from fimpact.benchmark.grading import claim
+from fimpact.benchmark.grading import case_table, claim
 from fimpact.benchmark.grading.answers import size_of
 from fimpact.benchmark.grading.claim_lines import ClaimLine, coverage, share, with_interval
 from fimpact.benchmark.grading.confusion import named
@@ -38,7 +38,7 @@ def table(tmp_path_factory) -> pd.DataFrame:
     """A benchmark's table as it is read from disk."""
     path = tmp_path_factory.mktemp("cases") / "cases.csv"
     tables.write(cases({"single": 60, "null": 20, "double": 10, "outside": 10, "twin": 10}), path)
-    return claim.read_cases(path)
+    return case_table.read_cases(path)
 
 
 def line(table: pd.DataFrame, what: str) -> ClaimLine:
@@ -57,7 +57,7 @@ def test_a_table_with_a_broken_flag_is_refused(table, tmp_path):
     broken.loc[3, "detected"] = "perhaps"
     tables.write(broken, tmp_path / "cases.csv")
     with pytest.raises(ValueError, match="detected must be True, False or empty"):
-        claim.read_cases(tmp_path / "cases.csv")
+        case_table.read_cases(tmp_path / "cases.csv")
 
 
 def test_shares_have_wilson_intervals():
@@ -337,7 +337,7 @@ def test_parts_are_gathered_in_order(recording, tmp_path):
 @pytest.mark.skipif(not REFERENCE.exists(), reason=f"the benchmark's table was not committed yet: {REFERENCE}")
 def test_the_readmes_show_the_committed_measures():
     shown = marked(REFERENCE.with_name("README.md"), "concealed")
-    assert shown == claim.to_markdown(claim.read_cases(REFERENCE))
+    assert shown == claim.to_markdown(case_table.read_cases(REFERENCE))
     head, *rows = [line for line in shown.splitlines() if line.startswith("|") and "| – | – |" not in line]
     assert marked(ROOT / "docs" / "benchmark.md", "bars").splitlines() == [
         head,

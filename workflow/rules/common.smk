@@ -121,8 +121,9 @@ STAGES = {
     "grade": [*SHARED, *ROBOTS, *DRAWING, *CATALOGUE, "benchmark/challenge", "benchmark/grading/answers"],
     "score": [*SHARED, *FORCED, *ROBOTS, *of("benchmark", "seal site_equivalence")]
     + of("benchmark/grading", "answers oracle score"),
-    "measures": ["__init__", *TABLES, *of("benchmark/grading", "claim claim_lines strata")],
-    "pictures": ["__init__", "report/plotting/style"] + of("benchmark/grading", "claim claim_lines confusion pictures"),
+    "measures": ["__init__", *TABLES, *of("benchmark/grading", "case_table claim claim_costs claim_lines strata")],
+    "pictures": ["__init__", "report/plotting/style"]
+    + of("benchmark/grading", "case_table claim claim_costs claim_lines confusion pictures"),
     "examples": [*MODEL[:3], *of("paper/mjx", "engine runtime sensors"), *PICTURES]
     + of("paper/figures", "examples replay"),
     "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, *TABLES, *PICTURES]

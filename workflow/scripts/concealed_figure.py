@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.benchmark.grading import claim, pictures
+from fimpact.benchmark.grading import case_table, pictures
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -11,4 +11,4 @@ if TYPE_CHECKING:
 
 with logged(snakemake.log[0]):
     draw = pictures.FIGURES[snakemake.wildcards.figure]
-    draw(claim.read_cases(snakemake.input.cases), Path(snakemake.output.svg).with_suffix(""))
+    draw(case_table.read_cases(snakemake.input.cases), Path(snakemake.output.svg).with_suffix(""))

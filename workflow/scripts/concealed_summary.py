@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact.benchmark.grading import claim
+from fimpact.benchmark.grading import case_table, claim
 from fimpact.benchmark.grading.strata import strata, track_record
 from fimpact.support import atomic_files, tables
 from fimpact.support.progress import logged
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with logged(snakemake.log[0]):
-    cases = claim.read_cases(snakemake.input.cases)
+    cases = case_table.read_cases(snakemake.input.cases)
     tables.write(claim.to_table(cases), snakemake.output.table)
     tables.write(strata(cases), snakemake.output.strata)
     tables.write(track_record(cases), snakemake.output.record)

@@ -18,6 +18,7 @@ NO_CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 @lru_cache(maxsize=2)  # a large model takes longer to compile than to copy
 def compiled_model(xml: str, apart: bool) -> mujoco.MjModel:
+    """The model of an MJCF that can be edited, without what is only seen; apart: nothing touches anything."""
     return editable(without_visuals(spec_of(xml), apart))
 
 
@@ -28,6 +29,7 @@ def sensor_column(model: mujoco.MjModel, channel: str) -> int:
 
 
 def configure(model: mujoco.MjModel) -> None:
+    """Set the solver so that differences of simulations mean something, and divergence shows as NaN."""
     # A diverged state must show as NaN, not as a silent reset. Islands change no digit and cost a twentieth.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_ISLAND
     # A difference of two simulations through contact needs a solver that has converged further than a picture does;

@@ -10,6 +10,7 @@ OTHERS = "\n## The rigs here\n"  # from here on the page on keys is about cases 
 
 
 def check_case(options: argparse.Namespace) -> None:
+    """Read and judge a case, and say what its motions can show."""
     from fimpact.cases import read_case
     from fimpact.diagnosis.identifiability.case_check import shown_by_motions
 
@@ -25,6 +26,7 @@ def check_case(options: argparse.Namespace) -> None:
 
 
 def write_first_case(options: argparse.Namespace) -> None:
+    """Draft a case from an MJCF and its logs, and say what is left open."""
     from fimpact.cases.drafting.first_case import draft_case
     from fimpact.support.atomic_files import write_text
 
@@ -57,6 +59,7 @@ def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
 
 
 def diagnose_case(options: argparse.Namespace) -> None:
+    """Diagnose a case, write its page and say the verdict."""
     from fimpact.api.commands.diagnose_recording import diagnose_recording
     from fimpact.api.options import chosen_family
     from fimpact.selection.search_scope import Limits
@@ -69,6 +72,7 @@ def diagnose_case(options: argparse.Namespace) -> None:
 
 
 def fit_effects(options: argparse.Namespace) -> None:
+    """Fit the effects that are named, and no others."""
     from fimpact.api.commands.fit_recording import as_json, fit_recording, in_lines
     from fimpact.cases import inputs
     from fimpact.support.atomic_files import write_text
@@ -84,6 +88,7 @@ def fit_effects(options: argparse.Namespace) -> None:
 
 
 def resolve_names(options: argparse.Namespace) -> None:
+    """Say which names are left once the experiment is recorded."""
     from fimpact.api.commands.resolve_recording import resolve_recording
     from fimpact.effects.base import words
 
@@ -97,21 +102,21 @@ def resolve_names(options: argparse.Namespace) -> None:
         print(f"Left: {said}." if len(left) == 1 else f"These cannot be told apart yet: {said}.")
 
 
-def _asked(
-    options: argparse.Namespace,
-) -> tuple[Path, Path | None, Path, Callable[[str], None], Path | None]:
+def _asked(options: argparse.Namespace) -> tuple[Path, Path | None, Path, Callable[[str], None], Path | None]:
     """Case, data, folder of the page, progress and effects, as the command line gives them."""
     out = options.out or Path("results") / "recordings" / options.case.stem
     return options.case, options.data, out, teller(), options.effects
 
 
 def teller() -> Callable[[str], None]:
+    """What prints progress on the console."""
     from fimpact.api.commands.console import Teller
 
     return Teller()
 
 
 def print_keys(options: argparse.Namespace) -> None:
+    """Explain every key of a case."""
     from importlib.resources import files
 
     text = files("fimpact.cases").joinpath("keys.md").read_text(encoding="utf-8")
@@ -119,6 +124,7 @@ def print_keys(options: argparse.Namespace) -> None:
 
 
 def list_effects(options: argparse.Namespace) -> None:
+    """List the catalogue, or tell one effect in full."""
     from fimpact.effects import get_effect
     from fimpact.effects.listing import catalogue, described, place_lister
     from fimpact.effects.plugins import load_effects

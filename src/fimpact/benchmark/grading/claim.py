@@ -4,11 +4,11 @@ Proportions have Wilson intervals, medians percentile bootstraps over cases. A l
 that is missed is called missed.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
+from fimpact.benchmark.grading.case_table import of_kinds
+from fimpact.benchmark.grading.claim_costs import export_lines, time_lines
 from fimpact.benchmark.grading.claim_lines import (
     RESAMPLES,
     ClaimLine,
@@ -24,35 +24,10 @@ VISIBLE = 30.0  # non-centrality from which an oracle sees an effect
 WORTHWHILE = 0.02  # share of the naive held-out error that the oracle must remove for a share of it to mean anything
 SURE = 0.5  # stated confidence above which a wrong name is confidently wrong
 BINS = 10  # of stated confidence
-CORES = 2  # on which the whole benchmark is timed
-WHOLE = 600  # cases of the whole benchmark: of fewer, its time is extrapolated
 SYSTEMS = {"arm_free": (0.94, 0.97), "arm_contact": (0.92, 0.95), "block": (0.96, 0.98)}
 ROBOTS = {"six_axis": (0.92, 0.95), "six_servo": (0.88, 0.95), "leg": (0.85, 0.95)}
 ODD = 0.05  # worth, as a share of the force at its place, from which an odd effect should be named
 NULL, NONE, UNNAMED = "null", "none", "unnamed"
-FLAGS = (
-    "detected located right partly in_set place_right mode_right both_in_set resolved_designed resolved_random".split()
-)
-
-
-def read_cases(path: Path | str) -> pd.DataFrame:
-    """The table `cases.csv`; its flags are True, False or missing.
-
-    Raises:
-        ValueError: a column is missing, or a flag is neither.
-    """
-    # "null" is a kind of case here, not a missing value.
-    table = pd.read_csv(path, keep_default_na=False, na_values=[""], dtype={"case": str, "size": str})
-    for flag in FLAGS:
-        if flag not in table:
-            raise ValueError(f"{path} has no column {flag}; `snakemake concealed` writes one that has")
-        values = table[flag].astype("string").map({"True": True, "False": False})
-        if (values.isna() & table[flag].notna()).any():
-            raise ValueError(f"{path}: {flag} must be True, False or empty; make the table anew")
-        table[flag] = values.astype(object) if values.isna().any() else values.astype(bool)
-    if "odd_named" in table:
-        table["odd_named"] = table.odd_named.astype("string").map({"True": True, "False": False}).astype(object)
-    return table
 
 
 def measure(cases: pd.DataFrame) -> list[ClaimLine]:
@@ -64,21 +39,17 @@ def measure(cases: pd.DataFrame) -> list[ClaimLine]:
     return [line for part in PARTS for line in part(cases)]
 
 
-def _of(cases: pd.DataFrame, *kinds: str) -> pd.DataFrame:
-    return cases[cases.kind.isin(kinds)]
-
-
 def _detection(cases: pd.DataFrame) -> list[ClaimLine]:
     seen = cases[(cases.kind != "null") & (cases["lambda"] >= VISIBLE)]
     return [
-        share("false alarms where nothing is missing", _of(cases, "null").detected, -1, 0.03, 0.01),
+        share("false alarms where nothing is missing", of_kinds(cases, "null").detected, -1, 0.03, 0.01),
         share("detected where λ ≥ 30, all kinds", seen.detected, 1, 0.97, 0.99),
-        share("… single effects only", _of(seen, "single").detected),
+        share("… single effects only", of_kinds(seen, "single").detected),
     ]
 
 
 def _naming(cases: pd.DataFrame) -> list[ClaimLine]:
-    found = _of(cases, "single")[_of(cases, "single").detected]
+    found = of_kinds(cases, "single")[of_kinds(cases, "single").detected]
     limits = SYSTEMS | {name: own for name, own in ROBOTS.items() if name in set(cases.system)}
     lines = [
         share(f"best name right among the detected, {system}", found[found.system == system].right, 1, *own)
@@ -127,7 +98,7 @@ def error_of(stated: np.ndarray) -> float:
 
 
 def _location(cases: pd.DataFrame) -> list[ClaimLine]:
-    found = _of(cases, "single")[_of(cases, "single").detected]
+    found = of_kinds(cases, "single")[of_kinds(cases, "single").detected]
     return [
         share("right joint, contact pair, body or channel located", found.located, 1, 0.95, 0.98),
         share("… by the residual alone, before anything is named", found.place_right),
@@ -143,7 +114,7 @@ def recovered_share(cases: pd.DataFrame, after: str = "heldout_after") -> pd.Ser
 
 
 def _improvement(cases: pd.DataFrame) -> list[ClaimLine]:
-    planted = _of(cases, "single", "double", "twin")
+    planted = of_kinds(cases, "single", "double", "twin")
     held = planted.covered.dropna()
     return [
         with_interval(
@@ -160,7 +131,7 @@ def _improvement(cases: pd.DataFrame) -> list[ClaimLine]:
 
 
 def _several(cases: pd.DataFrame) -> list[ClaimLine]:
-    pairs, outside = _of(cases, "double"), _of(cases, "outside")
+    pairs, outside = of_kinds(cases, "double"), of_kinds(cases, "outside")
     says = outside.answer_set.str.split("|").map(lambda names: UNNAMED in names).astype(bool)
     sure = outside.detected & ~says & (outside.confidence > SURE)
     return [
@@ -174,7 +145,7 @@ def _several(cases: pd.DataFrame) -> list[ClaimLine]:
 
 def _crowds(cases: pd.DataFrame) -> list[ClaimLine]:
     """Nothing where there is no crowd."""
-    crowds = _of(cases, "crowd")
+    crowds = of_kinds(cases, "crowd")
     if crowds.empty:
         return []
     far = crowds.heldout_after / crowds.heldout_oracle
@@ -184,10 +155,10 @@ def _crowds(cases: pd.DataFrame) -> list[ClaimLine]:
         with_interval("… sizes within 20 %", crowds.sizes_right, np.mean, percent),
         share("… odd effect worth 5 % of the force named", crowds.odd_named[crowds.worth >= ODD], 1, 0.70, 0.90),
         with_interval("… held-out error over the oracle's, median", far, np.median, number(" ×"), -1, 1.3, 1.1),
-        share("outside the catalogue: said so, and where", _said_where(_of(cases, "outside")), 1, 0.85, 0.92),
+        share("outside the catalogue: said so, and where", _said_where(of_kinds(cases, "outside")), 1, 0.85, 0.92),
         *(
             share(f"false alarms where nothing is missing, {system}", own.detected, -1, 0.03, 0.01)
-            for system, own in _of(cases, NULL).groupby("system", sort=True)
+            for system, own in of_kinds(cases, NULL).groupby("system", sort=True)
         ),
     ]
 
@@ -198,7 +169,7 @@ def _said_where(outside: pd.DataFrame) -> pd.Series:
 
 
 def _twins(cases: pd.DataFrame) -> list[ClaimLine]:
-    twins, others = _of(cases, "twin"), _of(cases, "single", "double")
+    twins, others = of_kinds(cases, "twin"), of_kinds(cases, "single", "double")
     both = twins.resolved_designed.notna() & twins.resolved_random.notna()
     gain = twins.resolved_designed[both].astype(float) - twins.resolved_random[both].astype(float)
     answered = twins.resolved_designed.astype("boolean").fillna(False).astype(bool)
@@ -213,42 +184,6 @@ def _twins(cases: pd.DataFrame) -> list[ClaimLine]:
     ]
 
 
-def _export(cases: pd.DataFrame) -> list[ClaimLine]:
-    off = cases.exported.dropna()
-    return [
-        with_interval("exported MJCF against our simulation, 95th percentile", off, _most, percent, -1, 0.02, 0.005),
-        with_interval("… median", off, np.median, percent),
-        share("… within 2 %", off <= 0.02),
-    ]
-
-
-def _most(values, axis=None):
-    return np.percentile(values, 95, axis=axis)
-
-
-def _time(cases: pd.DataFrame) -> list[ClaimLine]:
-    six = cases[cases.system.str.startswith("six")]
-    planar, seconds = cases[~cases.index.isin(six.index)], number(" s", 1)
-    stage = cases.seconds_screening if "seconds_screening" in cases else np.nan * cases.seconds
-    refits = cases.refit_all_seconds - cases.screening_seconds
-    alone, times = refits / cases.screening_seconds, number(" ×", 0)
-    spent = float(np.nansum(cases.filter(regex="^job_").to_numpy(float)))
-    whole = spent / CORES / 60 * max(WHOLE / max(len(cases), 1), 1.0)
-    what = f"whole benchmark, {WHOLE} cases, on 2 cores"
-    return [
-        with_interval("refitting all over screening all, time ratio, median", alone, np.median, times, 1, 20, 100),
-        with_interval("… over all that is done before anything is refitted", refits / stage, np.median, times),
-        with_interval("one planar case, all stages, median", planar.seconds, np.median, seconds, -1, 10, 5),
-        with_interval("… 95th percentile", planar.seconds, _most, seconds),
-        *(
-            [with_interval("one case of six joints, median", six.seconds, np.median, seconds, -1, 45, 20)]
-            if len(six)
-            else []
-        ),
-        ClaimLine(what, whole, np.nan, np.nan, len(cases), -1, 60, 45, number(" min", 0)),
-    ]
-
-
 PEERS = {
     "heldout_after": "fimpact",
     "heldout_sysid": "mujoco.sysid, single start",
@@ -260,14 +195,14 @@ PEERS = {
 
 def _peers(cases: pd.DataFrame) -> list[ClaimLine]:
     shared = cases[cases.heldout_blackbox.notna()]
-    planted, refitted = _of(shared, "single", "double", "twin"), shared[shared.answer_refit_all.notna()]
+    planted, refitted = of_kinds(shared, "single", "double", "twin"), shared[shared.answer_refit_all.notna()]
     lines = [
         with_interval(
             f"share of the oracle's improvement, {name}", recovered_share(planted, column), np.median, percent
         )
         for column, name in PEERS.items()
     ]
-    single, nothing = _of(refitted, "single"), _of(refitted, NULL)
+    single, nothing = of_kinds(refitted, "single"), of_kinds(refitted, NULL)
     return [
         *lines,
         share("best name right, all single effects that were refitted, fimpact", single.right),
@@ -277,7 +212,7 @@ def _peers(cases: pd.DataFrame) -> list[ClaimLine]:
     ]
 
 
-PARTS = (_detection, _naming, _confidence, _location, _improvement, _several, _crowds, _twins, _export, _time)
+PARTS = (_detection, _naming, _confidence, _location, _improvement, _several, _crowds, _twins, export_lines, time_lines)
 
 
 def to_markdown(cases: pd.DataFrame) -> str:

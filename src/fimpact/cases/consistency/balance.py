@@ -38,6 +38,7 @@ class Balance:
 
 
 def balances_of(log: Log, columns: dict[str, list[int]]):
+    """What makes the balance of a group of runs, for positions as they are read, a width of smoothing and a speed."""
     careful, blind = _without_contact_forces(log.model), _without_contact_forces(log.model)
     blind.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
 
