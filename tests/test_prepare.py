@@ -9,7 +9,8 @@ import pytest
 from recorded import ROD, record, waves
 
 import fimpact.smoothing.time_step as refinement
-from fimpact.effects.sites import can_touch, contacts
+from fimpact.effects.sites import contacts
+from fimpact.effects.touching import can_touch
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.dynamics.response import Response
 from fimpact.smoothing.dynamics.track import Plant, Track

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from fimpact.effects.touching import can_touch, pairs_of, partners, round_geoms
+
 ALL, WORLD = "all", "world"
 DRAGS = "<-"  # between a joint and the neighbour that drags it
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-ROUND = (int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 PROPORTIONAL = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
@@ -223,35 +223,6 @@ def drives(model: mujoco.MjModel, joint: str) -> list[int]:
     """Actuators of `actuators` on `joint`."""
     target = (model.actuator_trntype == ON_JOINT) & (model.actuator_trnid[:, 0] == model.joint(joint).id)
     return [i for i in map(int, np.flatnonzero(target)) if _affine(model, i)]
-
-
-def can_touch(model: mujoco.MjModel) -> bool:
-    """Whether anything in it may come into contact."""
-    if model.opt.disableflags & NO_CONTACT:
-        return False
-    return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
-
-
-def pairs_of(model: mujoco.MjModel, geom: int) -> list[int]:
-    """Explicit contact pairs that contain `geom`."""
-    return np.flatnonzero((model.pair_geom1 == geom) | (model.pair_geom2 == geom)).tolist()
-
-
-def partners(model: mujoco.MjModel, geom: int) -> list[int]:
-    """Geoms on other bodies that `geom` may touch by their types, one of the two moving; where an explicit pair lists
-    both, it replaces that."""
-    listed = [i for pair in pairs_of(model, geom) for i in (model.pair_geom1[pair], model.pair_geom2[pair])]
-    meets = (model.geom_contype & model.geom_conaffinity[geom]) | (model.geom_conaffinity & model.geom_contype[geom])
-    weld = model.body_weldid[model.geom_bodyid]
-    return np.setdiff1d(np.flatnonzero((meets != 0) & (weld != weld[geom])), listed).tolist()
-
-
-def round_geoms(model: mujoco.MjModel, body: int) -> list[int]:
-    """Spheres and capsules of `body` that can touch something."""
-    if not can_touch(model):
-        return []
-    own = np.flatnonzero((model.geom_bodyid == body) & np.isin(model.geom_type, ROUND))
-    return [i for i in map(int, own) if pairs_of(model, i) or partners(model, i)]
 
 
 def _fed_back(model, actuator: str) -> tuple[bool, bool]:

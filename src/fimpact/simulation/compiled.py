@@ -7,7 +7,7 @@ from functools import lru_cache
 import mujoco
 
 from fimpact.effects.native import editable
-from fimpact.effects.sites import can_touch
+from fimpact.effects.touching import can_touch
 from fimpact.recordings import spec_of
 from fimpact.simulation.nonsmooth import has_constraints
 from fimpact.support.visual_meshes import without_visuals

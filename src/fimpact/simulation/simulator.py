@@ -15,7 +15,7 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from fimpact.effects.law_inputs import Signal, State
-from fimpact.effects.sites import NO_CONTACT
+from fimpact.effects.touching import NO_CONTACT
 from fimpact.recordings import FIELDS, Recording
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
 from fimpact.simulation.compiled import compiled_model, configure, sensor_column, without_idle_solver

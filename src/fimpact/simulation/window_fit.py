@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from fimpact.deciding import ASTRAY
-from fimpact.effects.sites import can_touch
+from fimpact.effects.touching import can_touch
 from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.simulator import DIVERGED, Simulator
 from fimpact.simulation.windows import Windows, spread

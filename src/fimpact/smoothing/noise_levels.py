@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fimpact.deciding import FALL, SWITCH, TIED
-from fimpact.effects.sites import can_touch
+from fimpact.effects.touching import can_touch
 from fimpact.smoothing.dynamics.laws import touching
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States

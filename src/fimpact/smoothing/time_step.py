@@ -6,7 +6,7 @@ import numpy as np
 
 from fimpact.deciding import DOUBT
 from fimpact.effects.base import Placed
-from fimpact.effects.sites import can_touch
+from fimpact.effects.touching import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.dynamics.laws import touching

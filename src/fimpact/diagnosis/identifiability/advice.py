@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from fimpact.diagnosis.identifiability.motion_model import Motion
+from fimpact.effects.sites import driven, drives
 
 SLOW = 4.0  # times slower is the slower of two speeds, and is the beginning of a sweep
 ROUND = 0.98  # how sharply a joint turns back: 1 is at once
@@ -45,6 +46,24 @@ class Lazy:
         for one in self.source:
             self.known.append(one)
             yield one
+
+
+def commands_for(motion: Motion, model: mujoco.MjModel) -> np.ndarray | None:
+    """Commands, (N, nu), under which the motors of `model` give what the motion needs."""
+    out = np.zeros((motion.count, model.nu))
+    needed, state = force_needed(motion, model), motion.state(model)
+    for joint in driven(model):
+        (dof, position, speed), motor = state.joint(joint), drives(model, joint)[0]
+        gear, gain, bias = model.actuator_gear[motor, 0], model.actuator_gainprm[motor], model.actuator_biasprm[motor]
+        follows = bias[:3] if model.actuator_biastype[motor] else np.zeros(3)
+        force = needed[:, dof] / gear
+        if model.actuator_forcelimited[motor] and np.abs(force).max() > np.abs(model.actuator_forcerange[motor]).max():
+            return None
+        out[:, motor] = (force - follows[0] - follows[1] * gear * position - follows[2] * gear * speed) / gain[0]
+        low, high = model.actuator_ctrlrange[motor]
+        if model.actuator_ctrllimited[motor] and not (low <= out[:, motor].min() and out[:, motor].max() <= high):
+            return None
+    return out
 
 
 def force_needed(motion: Motion, model: mujoco.MjModel) -> np.ndarray:

@@ -18,7 +18,7 @@ from fimpact.diagnosis.identifiability.advice import (
     Advice,
     Lazy,
     Wave,
-    force_needed,
+    commands_for,
     steady_wave,
     sweeping_wave,
 )
@@ -26,7 +26,8 @@ from fimpact.diagnosis.identifiability.judging import NEEDED, Judge
 from fimpact.diagnosis.identifiability.motion_model import Commands, Motion
 from fimpact.diagnosis.identifiability.quick_look import Sight, pace, reach
 from fimpact.effects import EFFECTS
-from fimpact.effects.sites import HINGE, NO_CONTACT, SLIDE, driven, drives
+from fimpact.effects.sites import HINGE, SLIDE, driven, drives
+from fimpact.effects.touching import NO_CONTACT
 
 SAMPLES = 150  # of a motion
 ROOM = 0.8  # of the way to the end of a joint's range
@@ -204,7 +205,7 @@ class Advisor:
         lengths = tuple(len(part[0]) for part in parts)
         commands = Commands(np.zeros((len(time), self.model.nu)), time, lengths, np.arange(len(time)))
         made = replace(self.sight.motion, qpos=qpos, qvel=qvel, qacc=qacc, commands=commands, lengths=lengths)
-        ctrl = self._commands(made, self._loaded(weight) if weight else self.model)
+        ctrl = commands_for(made, self._loaded(weight) if weight else self.model)
         return None if ctrl is None else replace(made, commands=replace(commands, ctrl=ctrl))
 
     def _block(self, block: dict[str, Wave]) -> tuple[np.ndarray, ...]:
@@ -217,30 +218,6 @@ class Advisor:
         qacc = np.gradient(qvel, time[1], axis=0)
         return tuple(part[2:-2] for part in (qpos, qvel, qacc, time))
 
-    def _commands(self, motion: Motion, model: mujoco.MjModel) -> np.ndarray | None:
-        """Commands, (N, nu), under which the motors of `model` give what the motion needs."""
-        out = np.zeros((motion.count, model.nu))
-        needed, state = force_needed(motion, model), motion.state(model)
-        for joint in driven(model):
-            (dof, position, speed), motor = state.joint(joint), drives(model, joint)[0]
-            gear, gain, bias = (
-                model.actuator_gear[motor, 0],
-                model.actuator_gainprm[motor],
-                model.actuator_biasprm[motor],
-            )
-            follows = bias[:3] if model.actuator_biastype[motor] else np.zeros(3)
-            force = needed[:, dof] / gear
-            if (
-                model.actuator_forcelimited[motor]
-                and np.abs(force).max() > np.abs(model.actuator_forcerange[motor]).max()
-            ):
-                return None
-            out[:, motor] = (force - follows[0] - follows[1] * gear * position - follows[2] * gear * speed) / gain[0]
-            low, high = model.actuator_ctrlrange[motor]
-            if model.actuator_ctrllimited[motor] and not (low <= out[:, motor].min() and out[:, motor].max() <= high):
-                return None
-        return out
-
     def _last(self) -> str:
         """The last body that a driven joint carries."""
         model = self.model
@@ -249,9 +226,7 @@ class Advisor:
 
     def _weight(self) -> float:
         """Of a known weight, kg: what the body that carries it weighs."""
-        prior = EFFECTS["payload"].prior
-        assert prior is not None
-        return float(prior(self.sight.scales, self.model, self._last())["mass"])
+        return float(EFFECTS["payload"].prior(self.sight.scales, self.model, self._last())["mass"])
 
     def _loaded(self, weight: float) -> mujoco.MjModel:
         own, effect = copy.copy(self.model), EFFECTS["payload"]

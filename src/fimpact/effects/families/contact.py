@@ -7,6 +7,7 @@ from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import Coefficient, Effect
 from fimpact.effects.families.environment import without_midphase
 from fimpact.effects.native import exporting
+from fimpact.effects.touching import ROUND, pairs_of, partners
 
 SOFT = "Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014"
 GUESSED = "stiffness and damping of contacts are not measured but chosen, to a factor of a few"
@@ -25,8 +26,8 @@ def touching(model, site: str) -> tuple[list[int], list[int]]:
     if site in named:
         return [named.index(site)], []
     geom = model.geom(site).id
-    others = sites.partners(model, geom)
-    return sites.pairs_of(model, geom), [geom, *others] if others else []
+    others = partners(model, geom)
+    return pairs_of(model, geom), [geom, *others] if others else []
 
 
 def sliding_friction(model, site, change):
@@ -111,7 +112,7 @@ def _round(model, site) -> list[int]:
     pairs, geoms = touching(model, site)
     both = {*model.pair_geom1[pairs], *model.pair_geom2[pairs], *geoms}
     moving = [int(g) for g in both if model.body_weldid[model.geom_bodyid[g]] != 0]
-    return sorted(g for g in moving if model.geom_type[g] in sites.ROUND)
+    return sorted(g for g in moving if model.geom_type[g] in ROUND)
 
 
 def _boxes(model, site) -> list[tuple[int, int]]:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Placed
-from fimpact.effects.sites import can_touch
+from fimpact.effects.touching import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.inputs import FINER as PIECES
