@@ -29,7 +29,7 @@ _HOMES = {
     "read_case": "fimpact.api.recording",
     "resolve": "fimpact.api.experiment",
 }
-__all__ = ["__version__", *_HOMES]
+__all__ = sorted((*_HOMES, "__version__"))
 
 
 def __getattr__(name: str) -> Any:
