@@ -1,27 +1,48 @@
 """Forward selection with refits: choose, refit with the trajectory, drop what is worth nothing, and look again."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fimpact.deciding import BUDGET, MISSES, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
-from fimpact.effects.base import Effect, Placed
+from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import has_servos
 from fimpact.selection.one_round import Round, Trial, search, worth
 from fimpact.selection.options import Option, options
 from fimpact.selection.refit_start import begun, held_by, with_held
 from fimpact.selection.regression import Regression
 from fimpact.selection.search_scope import Limits
-from fimpact.selection.servo_drives import whole
+from fimpact.selection.servo_drives import align, drive, whole
 from fimpact.selection.substitutes import Alternative, Exchange, exchanges
+from fimpact.selection.unnamed_rest import Leftover, leftover
 from fimpact.smoothing.candidates import Candidate, candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
+from fimpact.smoothing.servo_lag import Way
 from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What was found: the naive fit, the final one, how many of its effects are of the first tier, rounds,
+    alternatives, the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the
+    columns of all that was asked, but for refinements, beside the final fit."""
+
+    naive: Smoothed
+    final: Smoothed
+    main: int
+    rounds: tuple[Round, ...]
+    alternatives: tuple[Alternative, ...]
+    p: float
+    scales: Scales
+    missing: np.ndarray
+    left: Leftover
+    unasked: tuple[str, ...] = ()
+    asked: Callable[[], Regression] | None = None
 
 
 class Search:
@@ -264,3 +285,32 @@ def _bears(regression: Regression, place: int, missing: np.ndarray, floor: float
     own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)]
     found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
     return any(w.p * len(fit.placed) < P_ALARM and w.share > floor / 2 for w in found)
+
+
+def explain(
+    track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
+    limits: Limits | None = None, late: Sequence[Way] = (),
+) -> Explanation:  # fmt: skip
+    """Find what is missing: classes of physics first, then single odd effects, then small refinements of both, as far
+    as `limits` go.
+
+    Args:
+        late: how late all motors may be, as the readings show it before anything else is known.
+    """
+    limits = limits or Limits()
+    state = Search(track, begun, noise, limits.effects(effects), progress)
+    state.limits = limits
+    if state.asks():
+        align(state, late)
+    if state.asks():
+        drive(state)
+    while state.asks() and state.round():
+        pass
+    main, state.misses = len(state.current.placed), 0
+    while main and not limits.quick and state.asks() and state.round(small=True):
+        pass
+    final = state.current = state.simplified()
+    return Explanation(
+        state.naive, final, main, tuple(state.rounds), tuple(state.alternatives), state.hint, state.scales,
+        state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
+    )  # fmt: skip
