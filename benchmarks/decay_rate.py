@@ -10,7 +10,7 @@ go from the state fitted to them.
 import numpy as np
 from diagnosed import told
 
-from fimpact.diagnosis.proof import starts_of
+from fimpact.diagnosis.held_out import starts_of
 from fimpact.simulation.horizon import predict_windows
 from fimpact.simulation.windows import cut
 from fimpact.smoothing.prepare import prepare

@@ -10,7 +10,7 @@ from fimpact.cases import read_case
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording
-from fimpact.simulation.simulator import Hypothesis
+from fimpact.simulation.hypothesis import Hypothesis
 
 
 def told(doc: str, **numbers: tuple[float, str]) -> tuple[Recording, dict[str, Hypothesis], argparse.Namespace]:

@@ -18,10 +18,10 @@ from fimpact.cases import read_case
 from fimpact.diagnosis.pipeline import diagnose
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
+from fimpact.selection.one_round import search
 from fimpact.selection.options import options
 from fimpact.selection.regression import Regression
-from fimpact.selection.search import search
-from fimpact.simulation.simulator import Hypothesis
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.smoothing.candidates import candidates
 from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.prepare import Prepared, prepare

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from fimpact.support.quiet import clock
+from fimpact.support.mujoco_setup import clock
 
 MOTIONS, STEPS, TURNS = 50, 400, 40
 

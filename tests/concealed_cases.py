@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from fimpact.concealed.score import COLUMNS
+from fimpact.benchmark.grading.score import COLUMNS
 
 EFFECTS = ("coulomb", "stribeck", "payload", "spring", "gain", "command_delay", "sensor_delay", "ground_height")
 SITES = {

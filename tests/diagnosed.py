@@ -9,10 +9,10 @@ from fimpact.diagnosis import pipeline
 from fimpact.diagnosis.pipeline import Diagnosis, diagnose
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
-from fimpact.selection.exchange import Alternative
 from fimpact.selection.forced import fit_forced
 from fimpact.selection.forward import Explanation
-from fimpact.selection.leftover import Leftover
+from fimpact.selection.substitutes import Alternative
+from fimpact.selection.unnamed_rest import Leftover
 from fimpact.smoothing.columns import motion_scales
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth

@@ -8,11 +8,13 @@ import pytest
 from recorded import record, waves
 
 from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed, State
+from fimpact.effects.base import Placed
 from fimpact.effects.drives import motor_force
 from fimpact.effects.gears import coupled, encoders
-from fimpact.smoothing import laws as along
-from fimpact.smoothing.laws import acts_of, force_of, reading_of
+from fimpact.effects.law_inputs import State
+from fimpact.smoothing.dynamics import side_by_side
+from fimpact.smoothing.dynamics.laws import acts_of, force_of, reading_of
+from fimpact.smoothing.dynamics.side_by_side import longest_piece
 from fimpact.smoothing.prepare import prepare
 
 # Plain motors on rotors, a servo that saturates beside a motor, and a servo whose rotor the model does not know.
@@ -84,7 +86,7 @@ def others() -> list[Placed]:
 @pytest.mark.parametrize("second", [MOTOR, BOTH], ids=["motor", "servo"])
 @pytest.mark.parametrize("most", [2048, 12])
 def test_side_by_side_is_one_by_one(second, most, monkeypatch):
-    monkeypatch.setattr(along, "ABREAST", most)
+    monkeypatch.setattr(side_by_side, "ABREAST", most)
     track, states, tau, doubt = arm(second)
     both = [*gears(), *others()]
     laws = both[::2] + both[1::2]
@@ -138,7 +140,7 @@ def test_one_walk_for_all_gears_of_a_kind_and_one_for_the_rigid_one():
     effect, pieces = replace(EFFECTS["backlash"], law=counted), len(track.pieces[0])
     laws = [Placed(effect, joint, {"gap": gap}) for joint in ("j1", "j2") for gap in (0.01, 0.02, 0.03)]
     acts_of(track, laws, states, tau, doubt)
-    walk = along._needed(track)
+    walk = longest_piece(track)
     assert asked == [6 * pieces] * walk + [2 * pieces] * walk
     asked.clear()
     force_of(track, laws[0], states, tau, doubt)

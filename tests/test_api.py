@@ -63,7 +63,7 @@ def test_importing_loads_no_library_and_sets_nothing():
 
 
 def test_what_computes_with_jax_sets_it_up():
-    code = "import jax; import fimpact.paper.mjx.information; print(jax.numpy.zeros(1).dtype)"
+    code = "import jax; import fimpact.paper.information.fisher; print(jax.numpy.zeros(1).dtype)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "float64\n", done.stderr
 

@@ -10,10 +10,10 @@ import pytest
 import yaml
 from bad_input import CASE, MODEL, check_refusal, log, state, table, write
 
+from fimpact.api.commands.console import Teller
 from fimpact.cli import main
-from fimpact.commands.telling import Teller
 from fimpact.report.page import reserved
-from fimpact.support.drafts import draft_folder
+from fimpact.support.atomic_files import draft_folder
 
 FIT = ("fit", "case.yaml", "coulomb@shoulder")
 EFFECTS = {

@@ -5,7 +5,7 @@ import struct
 import pytest
 from bad_input import MODEL, check_refusal, state, write
 
-from fimpact.cases import compiling
+from fimpact.cases.models import compiling
 from fimpact.cli import main
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.selection.begin import in_midst
+from fimpact.selection.refit_start import in_midst
 
 
 def _rubbed(sizes, carried):

@@ -31,12 +31,12 @@ from mcap_ros2.writer import Writer
 from pyarrow import parquet
 
 from fimpact.cases import CaseError, inputs, read_case
-from fimpact.cases.model import _name_free_joints
-from fimpact.cases.readers import read_table
-from fimpact.cases.timebase import Series, held, on_grid
+from fimpact.cases.models.naive import _name_free_joints
+from fimpact.cases.readers.files import read_table
+from fimpact.cases.resampling import Series, on_grid, zero_order_hold
 from fimpact.cases.units import factor
 from fimpact.cli import main
-from fimpact.simulation.starts import noise_level
+from fimpact.simulation.state_guess import noise_level
 
 ROOT = Path(__file__).parents[1]
 RECORDINGS = ROOT.parent / "shared" / "recordings"
@@ -531,7 +531,7 @@ def test_decimation_keeps_motion_impulses_and_white_noise():
     white = on_grid(Series(time, noise), 0.0, 0.01, 2000)
     assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.06 and 0.25 < white.std() < 0.4
     for steps in (True, False):
-        kept = held(Series(time, noise), 0.0, 0.01, 2000, steps)
+        kept = zero_order_hold(Series(time, noise), 0.0, 0.01, 2000, steps)
         whole = noise[:20000].sum() if steps else np.trapezoid(noise, dx=1.0)
         assert kept.sum() * 10 == pytest.approx(whole)
 

@@ -11,10 +11,10 @@ from fimpact.effects import EFFECTS
 from fimpact.selection.regression import Regression
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import SMALL, changes, columns, motion_scales
-from fimpact.smoothing.filtering import swept
-from fimpact.smoothing.linear import linearise
+from fimpact.smoothing.dynamics.linear import linearise
+from fimpact.smoothing.dynamics.response import heavier
+from fimpact.smoothing.filter.by_run import swept
 from fimpact.smoothing.prepare import prepare
-from fimpact.smoothing.response import heavier
 from fimpact.smoothing.smoother import smooth
 
 

@@ -9,7 +9,7 @@ from test_long_samples import PERIOD, followed
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.smoothing.commands import Commands, sharp
+from fimpact.smoothing.dynamics.sampled_commands import Commands, sharp
 from fimpact.smoothing.prepare import prepare
 
 MODEL = mujoco.MjModel.from_xml_string("<mujoco><option timestep='0.005'/></mujoco>")

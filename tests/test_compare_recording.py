@@ -8,13 +8,13 @@ import pandas as pd
 import pytest
 from recorded import rod
 
-from fimpact.commands import compare_recording as module
-from fimpact.commands.compare_recording import DONE, at_most, compare_recording
-from fimpact.commands.rig_summary import COLUMNS, gather, in_cell, summarise, to_markdown
-from fimpact.comparators.free_parameters import freed_knobs, own_knobs
-from fimpact.comparators.toolboxes import training_windows
-from fimpact.concealed import peers as concealed_peers
-from fimpact.diagnosis.freed import freed
+from fimpact.benchmark.comparators import compare_recording as module
+from fimpact.benchmark.comparators import concealed_cases as concealed_peers
+from fimpact.benchmark.comparators.compare_recording import DONE, at_most, compare_recording
+from fimpact.benchmark.comparators.free_parameters import freed_knobs, own_knobs
+from fimpact.benchmark.comparators.rig_summary import COLUMNS, gather, in_cell, summarise, to_markdown
+from fimpact.benchmark.comparators.toolboxes import training_windows
+from fimpact.diagnosis.freed_model import freed
 from fimpact.effects import EFFECTS as CATALOGUE
 from fimpact.smoothing.prepare import prepare
 

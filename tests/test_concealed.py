@@ -9,22 +9,25 @@ import mujoco
 import numpy as np
 import pytest
 
-from fimpact.concealed import draw, plants, referee
-from fimpact.concealed.archive import cases_in, load_recording, save_recording
-from fimpact.concealed.detect import cut, gather, models, predict, see, tangents, whitener
-from fimpact.concealed.draw import draw_case
-from fimpact.concealed.motions import draw_motion
-from fimpact.concealed.rigs import RIGS, rig_of
-from fimpact.concealed.seal import open_seal, robot, write_case
-from fimpact.concealed.sizing import set_stage, trace
-from fimpact.concealed.split import SPLIT, best_split
-from fimpact.concealed.strangers import STRANGERS, known, plant
-from fimpact.concealed.truth import as_json, from_json, run_on_robot
-from fimpact.concealed.twins import TWINS
-from fimpact.concealed.world import compiled, new_world, play
+from fimpact.benchmark import generator
+from fimpact.benchmark.archive import cases_in, load_recording, save_recording
+from fimpact.benchmark.drawing import draw_case as draw
+from fimpact.benchmark.drawing.detectability import visibility_of, whitener
+from fimpact.benchmark.drawing.draw_case import draw_case
+from fimpact.benchmark.drawing.effect_size import set_stage, trace
+from fimpact.benchmark.drawing.motions import draw_motion
+from fimpact.benchmark.drawing.separable import SPLIT, best_split
+from fimpact.benchmark.drawing.tangents import cut, gather, models, predict, tangents
+from fimpact.benchmark.planting import planted_effects
+from fimpact.benchmark.planting.confusable_pairs import TWINS
+from fimpact.benchmark.planting.ground_truth import compiled, new_world, play
+from fimpact.benchmark.planting.out_of_catalogue import STRANGERS, known, plant
+from fimpact.benchmark.rigs.registry import RIGS, rig_of
+from fimpact.benchmark.seal import open_seal, robot, write_case
+from fimpact.benchmark.truth import as_json, from_json, run_on_robot
 from fimpact.effects import EFFECTS
 
-EVERYTHING = [(rig, name) for name, p in (plants.PLANTS | STRANGERS).items() for rig in p.sites]
+EVERYTHING = [(rig, name) for name, p in (planted_effects.PLANTS | STRANGERS).items() for rig in p.sites]
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +48,8 @@ def written(folder, case):
 
 
 def test_every_plant_is_of_the_catalogue_and_sits_where_it_can():
-    assert set(plants.PLANTS) <= set(EFFECTS)
-    for name, entry in plants.PLANTS.items():
+    assert set(planted_effects.PLANTS) <= set(EFFECTS)
+    for name, entry in planted_effects.PLANTS.items():
         for rig, places in entry.sites.items():
             allowed = EFFECTS[name].sites(RIGS[rig].naive, RIGS[rig].channels)
             assert set(places) <= set(allowed), f"{name} in {rig}"
@@ -63,8 +66,8 @@ def test_every_run_begins_on_the_same_ground():
 
 
 def test_every_effect_is_asked_to_hide_in_one_pass_or_the_next():
-    pool = sum(len(entry.sites) for entry in plants.PLANTS.values())
-    asked = np.array([draw._insists(i, None) for i in range(2 * pool)]).reshape(2, -1)
+    pool = sum(len(entry.sites) for entry in planted_effects.PLANTS.values())
+    asked = np.array([draw._must_be_hidden(i, None) for i in range(2 * pool)]).reshape(2, -1)
     assert (asked.sum(0) == 1).all()
 
 
@@ -161,7 +164,7 @@ def test_what_the_unknowns_can_do_is_fully_concealed(motions):
     sizes = gather(windows, played.samples).reshape(len(windows.row), -1) / rig.sd.mean()
     assert sizes.shape == predict(rig, models(rig, errors), windows.start, windows.ctrl).shape
     tangent = tangents(rig, errors, windows, pushed=False)
-    seen = see(rig, tangent, whitener(np.zeros((*sizes.shape, 1))), tangent.unknown[:, :, :1])
+    seen = visibility_of(rig, tangent, whitener(np.zeros((*sizes.shape, 1))), tangent.unknown[:, :, :1])
     assert seen.concealment[0][0] > 0.999
     assert seen.size[0] <= rig.unknowns[0].sd ** -2 * 1.01
 
@@ -226,10 +229,10 @@ def test_only_experiments_that_count_are_played(monkeypatch):
             truth=SimpleNamespace(kind=kinds[case]), play=lambda run: replace(run, measured=np.zeros((1, 1)))
         )
 
-    monkeypatch.setattr(referee, "robot", asked)
+    monkeypatch.setattr(generator, "robot", asked)
     own = {"ctrl": np.zeros((1, 1)), "qpos": np.zeros(1), "qvel": np.zeros(1)}
     commands = {f"{case}/designed/{name}": array for case in kinds for name, array in own.items()}
-    played = referee.reveal(Path(), commands, ["3"], lambda line: None)
+    played = generator.reveal(Path(), commands, ["3"], lambda line: None)
     assert {name for name in played if name.endswith("measured")} == {"1/designed/measured", "3/designed/measured"}
 
 

@@ -8,21 +8,21 @@ import pandas as pd
 import pytest
 from concealed_cases import cases
 
+from fimpact.benchmark.comparators.entered_tools import enter
+from fimpact.benchmark.drawing.campaigns import FOOT, SHIN
+from fimpact.benchmark.drawing.draw_case import draw_case
+from fimpact.benchmark.drawing.motions import draw_motion
+from fimpact.benchmark.grading.answers import gather_entered, grade, listed, names_of, planted_name
+from fimpact.benchmark.grading.strata import strata
+from fimpact.benchmark.jsonl import as_lines
+from fimpact.benchmark.plan import compared, entered, plan
+from fimpact.benchmark.planting.crowd import FIELDS, TYPICAL, bare, draw_members, filled
+from fimpact.benchmark.planting.ground_truth import new_world, play
+from fimpact.benchmark.planting.out_of_catalogue import STRANGERS, plant
+from fimpact.benchmark.rigs.registry import RIGS, rig_of
+from fimpact.benchmark.seal import open_seal
+from fimpact.benchmark.truth import Planted, as_json, from_json, logged
 from fimpact.cli import main
-from fimpact.concealed.campaigns import FOOT, SHIN
-from fimpact.concealed.crowd import FIELDS, TYPICAL, bare, draw_members, filled
-from fimpact.concealed.draw import draw_case
-from fimpact.concealed.entered import enter
-from fimpact.concealed.grading import gather_entered, grade, listed, names_of, planted_name
-from fimpact.concealed.motions import draw_motion
-from fimpact.concealed.plan import compared, entered, plan
-from fimpact.concealed.rigs import RIGS, rig_of
-from fimpact.concealed.rows import as_lines
-from fimpact.concealed.seal import open_seal
-from fimpact.concealed.strangers import STRANGERS, plant
-from fimpact.concealed.strata import strata
-from fimpact.concealed.truth import Planted, as_json, from_json, logged
-from fimpact.concealed.world import new_world, play
 from fimpact.effects import EFFECTS
 
 

@@ -9,18 +9,18 @@ import pytest
 from concealed_cases import cases
 from conftest import ROOT, marked
 
-from fimpact.concealed import measures
-from fimpact.concealed.confusion import named
-from fimpact.concealed.figures import APART, FIGURES, _bins
-from fimpact.concealed.grading import size_of
-from fimpact.concealed.lines import Measure, average, coverage, share
-from fimpact.concealed.places import places
-from fimpact.concealed.plan import case_names, compared, plan
-from fimpact.concealed.rigs import RIGS
-from fimpact.concealed.rows import as_lines, each, held_out_error, read_rows, runs_of
-from fimpact.concealed.score import COLUMNS, gather, score_case
-from fimpact.concealed.truth import Planted, Truth
-from fimpact.support import drafts, tables
+from fimpact.benchmark.grading import case_table, claim
+from fimpact.benchmark.grading.answers import size_of
+from fimpact.benchmark.grading.claim_lines import ClaimLine, coverage, share, with_interval
+from fimpact.benchmark.grading.confusion import named
+from fimpact.benchmark.grading.pictures import APART, FIGURES, _bins
+from fimpact.benchmark.grading.score import COLUMNS, gather, score_case
+from fimpact.benchmark.jsonl import as_lines, each, held_out_error, read_rows, runs_of
+from fimpact.benchmark.plan import case_names, compared, plan
+from fimpact.benchmark.rigs.registry import RIGS
+from fimpact.benchmark.site_equivalence import places
+from fimpact.benchmark.truth import Planted, Truth
+from fimpact.support import atomic_files, tables
 
 REFERENCE = ROOT / "results" / "reference" / "concealed" / "cases.csv"
 SETTINGS = {
@@ -38,11 +38,11 @@ def table(tmp_path_factory) -> pd.DataFrame:
     """A benchmark's table as it is read from disk."""
     path = tmp_path_factory.mktemp("cases") / "cases.csv"
     tables.write(cases({"single": 60, "null": 20, "double": 10, "outside": 10, "twin": 10}), path)
-    return measures.read_cases(path)
+    return case_table.read_cases(path)
 
 
-def line(table: pd.DataFrame, what: str) -> Measure:
-    return next(m for m in measures.measure(table) if m.what.startswith(what))
+def line(table: pd.DataFrame, what: str) -> ClaimLine:
+    return next(m for m in claim.measure(table) if m.what.startswith(what))
 
 
 def test_the_table_keeps_its_null_kind_and_its_empty_cells(table):
@@ -57,7 +57,7 @@ def test_a_table_with_a_broken_flag_is_refused(table, tmp_path):
     broken.loc[3, "detected"] = "perhaps"
     tables.write(broken, tmp_path / "cases.csv")
     with pytest.raises(ValueError, match="detected must be True, False or empty"):
-        measures.read_cases(tmp_path / "cases.csv")
+        case_table.read_cases(tmp_path / "cases.csv")
 
 
 def test_shares_have_wilson_intervals():
@@ -67,7 +67,7 @@ def test_shares_have_wilson_intervals():
 
 
 def test_averages_have_bootstrap_intervals():
-    found = average("x", pd.Series(np.arange(101.0)), np.median, str)
+    found = with_interval("x", pd.Series(np.arange(101.0)), np.median, str)
     assert found.low < 50 == found.value < found.high
 
 
@@ -76,7 +76,7 @@ def test_averages_have_bootstrap_intervals():
     [(0.98, 1, "aim"), (0.92, 1, "bar"), (0.5, 1, "missed"), (0.5, 0, "–"), (np.nan, 1, "–"), (0.9, -1, "aim")],
 )
 def test_verdicts(value, sign, verdict):
-    assert Measure("x", value, 0.0, 1.0, 5, sign, 0.9, 0.95).verdict == verdict
+    assert ClaimLine("x", value, 0.0, 1.0, 5, sign, 0.9, 0.95).verdict == verdict
 
 
 @pytest.mark.parametrize(("held", "verdict"), [(95, "aim"), (90, "bar"), (80, "missed"), (100, "missed")])
@@ -105,12 +105,12 @@ def test_the_size_is_the_amplitude(name, values, size):
 
 
 def test_every_line_of_the_claim_is_there(table):
-    text = measures.to_markdown(table)
+    text = claim.to_markdown(table)
     for part in ("false alarms", "λ ≥ 30", "arm_contact", "calibration", "contact mode", "share of the oracle's"):
         assert part in text
     for part in ("hold the truth", "both named", "confidently wrong", "designed over random", "exported", "BIC"):
         assert part in text
-    assert len(measures.to_table(table)) == text.count("\n|") - 2 * 2
+    assert len(claim.to_table(table)) == text.count("\n|") - 2 * 2
 
 
 def test_lines_count_what_they_say(table):
@@ -124,18 +124,18 @@ def test_lines_count_what_they_say(table):
 
 
 def test_a_benchmark_without_a_kind_says_so(table):
-    assert "no such case" in measures.to_markdown(table[table.kind == "null"])
+    assert "no such case" in claim.to_markdown(table[table.kind == "null"])
 
 
 def test_perfect_confidence_has_no_calibration_error():
     stated = np.array([[0.75, 1.0], [0.75, 1.0], [0.75, 1.0], [0.75, 0.0]])
-    assert measures.error_of(stated) == 0.0
-    assert measures.error_of(np.array([[1.0, 0.0]])) == 1.0
+    assert claim.error_of(stated) == 0.0
+    assert claim.error_of(np.array([[1.0, 0.0]])) == 1.0
 
 
 def test_improvement_is_a_share_of_the_oracles(table):
     two = table.head(2).assign(heldout_before=[3.0, 1.0], heldout_after=[2.0, 1.0], heldout_oracle=[1.0, 0.999])
-    assert measures.regained(two).tolist() == [0.5]
+    assert claim.recovered_share(two).tolist() == [0.5]
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -202,7 +202,7 @@ def test_a_failed_case_is_a_row(tmp_path):
 
 
 def test_a_part_without_a_case_is_empty(tmp_path):
-    drafts.write_text(as_lines([]), tmp_path / "rows.jsonl")
+    atomic_files.write_text(as_lines([]), tmp_path / "rows.jsonl")
     assert read_rows(tmp_path / "rows.jsonl") == {}
 
 
@@ -237,7 +237,7 @@ def truth(kind: str, effects: tuple[Planted, ...], rival: Planted | None = None)
 @pytest.fixture
 def recording(monkeypatch):
     """As much of a recording as scoring looks at where no oracle is asked."""
-    monkeypatch.setattr("fimpact.concealed.score.oracle_error", lambda recording, truth: 1.0)
+    monkeypatch.setattr("fimpact.benchmark.grading.score.oracle_error", lambda recording, truth: 1.0)
     rig = RIGS["arm_free"]
     return type("Known", (), {"xml": rig.xml, "channels": rig.channels})
 
@@ -337,7 +337,7 @@ def test_parts_are_gathered_in_order(recording, tmp_path):
 @pytest.mark.skipif(not REFERENCE.exists(), reason=f"the benchmark's table was not committed yet: {REFERENCE}")
 def test_the_readmes_show_the_committed_measures():
     shown = marked(REFERENCE.with_name("README.md"), "concealed")
-    assert shown == measures.to_markdown(measures.read_cases(REFERENCE))
+    assert shown == claim.to_markdown(case_table.read_cases(REFERENCE))
     head, *rows = [line for line in shown.splitlines() if line.startswith("|") and "| – | – |" not in line]
     assert marked(ROOT / "docs" / "benchmark.md", "bars").splitlines() == [
         head,

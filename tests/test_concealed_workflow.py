@@ -12,9 +12,9 @@ from concealed_cases import cases
 from planted import record
 from test_workflow import ROOT, copy, imported, planned, snakemake, stages
 
-from fimpact.concealed.archive import save_recording
-from fimpact.concealed.rigs import RIGS
-from fimpact.concealed.settings import check
+from fimpact.benchmark.archive import save_recording
+from fimpact.benchmark.rigs.registry import RIGS
+from fimpact.benchmark.settings import check
 from fimpact.support import tables
 
 SCHEMA = ROOT / "workflow" / "schemas" / "concealed.schema.yaml"

@@ -122,7 +122,7 @@ def test_the_schema_knows_what_the_package_offers():
     # The schema repeats these names because reading them from the package would import jax at every `snakemake`.
     from fimpact.paper.contact_implicit.bodies import PLANAR
     from fimpact.paper.design import METHODS
-    from fimpact.paper.mjx.information import CRITERIA
+    from fimpact.paper.information.fisher import CRITERIA
     from fimpact.paper.systems import SYSTEMS
 
     names = yaml.safe_load(SCHEMA.read_text())["$defs"]

@@ -7,7 +7,7 @@ import pytest
 from conftest import CLEAR, TOUCHING
 from scipy.sparse.linalg import spsolve
 
-from fimpact.paper import truth
+from fimpact.paper import reference_simulator
 from fimpact.paper.contact_implicit.bodies import PLANAR
 from fimpact.paper.contact_implicit.plan import planner
 
@@ -98,7 +98,7 @@ def test_the_rigid_impulse_is_near_mujocos(systems):
     # The arm's soft wall is critically damped: it does not throw back either.
     arm = systems["arm"]
     planned = planner(arm, arm.steps).simulate(TOUCHING["arm"], np.ones(6), 1e-6).reading * arm.sensor.noise
-    measured, _ = truth.simulate(arm, arm.nominal, TOUCHING["arm"])
+    measured, _ = reference_simulator.simulate(arm, arm.nominal, TOUCHING["arm"])
     assert np.allclose(planned.sum(0), measured.sum(0), rtol=0.1, atol=3.0)
 
 
@@ -151,11 +151,11 @@ def test_the_trace_is_the_motions_and_its_slope_in_the_design_is_exact(system):
 
 def test_contact_is_found_from_a_start_that_has_none(system):
     start, rho = CLEAR[system.name], np.ones(len(system.nominal))
-    assert truth.simulate(system, system.nominal, start)[1] == 0
+    assert reference_simulator.simulate(system, system.nominal, start)[1] == 0
     made = planner(system, 50)
     plan = made.plan(rho, start, EPS, 30)
     low, high = system.inputs.bounds
-    assert truth.simulate(system, system.nominal, plan.design)[1] > 0
+    assert reference_simulator.simulate(system, system.nominal, plan.design)[1] > 0
     assert plan.residual < 1e-4
     assert (plan.design >= low).all() and (plan.design <= high).all()
     assert plan.information > 1e3 * max(made.simulate(start, rho, EPS[-1]).information, 1)

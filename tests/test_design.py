@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from conftest import TOUCHING
 
-from fimpact.paper import truth
+from fimpact.paper import reference_simulator
 from fimpact.paper.config import SEEN
-from fimpact.paper.design import METHODS, Task, _units, best_of_n, contact_blind, evaluate, fisher, transcribe
+from fimpact.paper.design import METHODS, _units, best_of_n, contact_blind, evaluate, fisher, transcribe
 from fimpact.paper.estimate import beliefs, untried
 from fimpact.paper.reach import contact_free
 from fimpact.paper.search import Campaign
 from fimpact.paper.systems import make_system
+from fimpact.paper.task import Task
 from fimpact.paper.trial import design_next
 
 BUDGET = {
@@ -44,11 +45,11 @@ def test_designs_stay_within_the_bounds(task, method):
 
 def test_contact_is_found_from_a_start_that_has_none(task):
     start = contact_free(task, task.beliefs, 16)
-    steps = [truth.simulate(task.system, task.system.nominal, design)[1] for design in start]
+    steps = [reference_simulator.simulate(task.system, task.system.nominal, design)[1] for design in start]
     assert sum(steps) == 0
     assert np.ptp(evaluate(task, start)) < 1e-9  # by information all look alike
     found = fisher(task, start=start)
-    assert truth.simulate(task.system, task.system.nominal, found.design)[1] > 0
+    assert reference_simulator.simulate(task.system, task.system.nominal, found.design)[1] > 0
     assert found.value > evaluate(task, start).max() + 1
 
 
@@ -76,7 +77,7 @@ def test_a_guess_that_cannot_touch_does_not_keep_the_arm_from_the_wall(systems):
     sure = Task(arm, guess[None], np.eye(6) / 0.09, 0, 5, BUDGET, rng)
     assert np.ptp(evaluate(sure, rng.uniform(*arm.inputs.bounds, (32, 24)))) < 1e-9
     robust = replace(sure, beliefs=beliefs(nothing, untried(nothing), 4, rng))
-    assert truth.simulate(arm, arm.nominal, fisher(robust).design)[1] > 0
+    assert reference_simulator.simulate(arm, arm.nominal, fisher(robust).design)[1] > 0
 
 
 def test_fisher_beats_one_uniform_draw_by_its_own_criterion(task):

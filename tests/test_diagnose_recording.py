@@ -13,9 +13,9 @@ from diagnosed import diagnosis_of
 from recorded import ROD, rod
 from test_cases import RECORDINGS, ROOT, write_csv
 
+from fimpact.api.commands.diagnose_recording import diagnose_recording
 from fimpact.cases import read_case
 from fimpact.cli import main
-from fimpact.commands.diagnose_recording import diagnose_recording
 from fimpact.report.page import write_report
 
 CASE = {
@@ -63,7 +63,7 @@ def test_the_same_case_gives_the_same_bytes_in_another_process(case, tmp_path, m
 def test_a_folder_that_is_not_ours_is_refused_before_the_work(case, tmp_path, monkeypatch, capsys):
     (tmp_path / "thesis.tex").touch()
     monkeypatch.setattr(
-        "fimpact.commands.diagnose_recording.diagnose", lambda *_: pytest.fail("an hour's work was lost")
+        "fimpact.api.commands.diagnose_recording.diagnose", lambda *_: pytest.fail("an hour's work was lost")
     )
     assert main(["diagnose", str(case), "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err.startswith(f"fimpact: {tmp_path} holds thesis.tex, no report of ours")
@@ -146,7 +146,7 @@ def test_what_cannot_be_insisted_on_is_said_in_a_line(case, capsys, names, compl
 
 
 def test_a_fit_that_does_not_converge_is_not_used_as_if_it_had(case, capsys, monkeypatch):
-    from fimpact.commands import fit_recording as module
+    from fimpact.api.commands import fit_recording as module
 
     fitted = module.fit_forced
     monkeypatch.setattr(module, "fit_forced", lambda *given: replace(fitted(*given), converged=False))

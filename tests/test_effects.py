@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from fimpact.effects import EFFECTS, get_effect, sites
-from fimpact.effects.base import ENTERS, ENVIRONMENT, Coefficient, Effect, Scales, Signal, State
+from fimpact.effects.base import ENTERS, ENVIRONMENT, Coefficient, Effect, Scales
 from fimpact.effects.classes import classes
 from fimpact.effects.drives import motor_force
+from fimpact.effects.families.sensing import interpolate
 from fimpact.effects.gears import Shaft, coupled, encoders
-from fimpact.effects.masses import second_moments
+from fimpact.effects.law_inputs import Signal, State
 from fimpact.effects.native import editable
-from fimpact.effects.sensing import interpolate
+from fimpact.effects.typical import second_moments
 from fimpact.export.callback import SourceBundle
 
 # An arm in a vertical plane whose tip strikes the ground, its first link hanging on a mirror-imaged axis.

@@ -8,7 +8,7 @@ import pytest
 from conftest import CLEAR, TOUCHING
 from scipy.optimize import OptimizeResult
 
-from fimpact.paper import truth
+from fimpact.paper import reference_simulator
 from fimpact.paper.estimate import FAR, _mode, beliefs, estimate
 from fimpact.paper.search import Campaign, Mode, posterior_cost, prior_mode
 
@@ -33,7 +33,7 @@ SETTINGS = {
 def campaign(system, rho, designs, guess):
     rng = np.random.default_rng(0)
     shape = (system.steps, len(system.sensor.channels))
-    runs = tuple(truth.run(system, rho * system.nominal, d, rng.standard_normal(shape)) for d in designs)
+    runs = tuple(reference_simulator.run(system, rho * system.nominal, d, rng.standard_normal(shape)) for d in designs)
     return Campaign(system, system.template, runs, guess, 0.3)
 
 
@@ -79,7 +79,7 @@ def test_after_silence_only_what_would_have_been_silent_is_believed(systems):
     before, after = (beliefs(c, found, 8, np.random.default_rng(2)) for c in (replace(silent, recordings=()), silent))
 
     def touching(rho):
-        return sum(truth.simulate(block, row * block.nominal, NEARLY)[1] > 0 for row in rho)
+        return sum(reference_simulator.simulate(block, row * block.nominal, NEARLY)[1] > 0 for row in rho)
 
     assert touching(before) > 0 and touching(after) == 0
 

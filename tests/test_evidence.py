@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fimpact.cases.evidence import alike, position_unit, share_unit, time_unit
+from fimpact.cases.drafting.evidence import alike, position_unit, share_unit, time_unit
 
 WAVE = np.sin(np.linspace(0, 7, 500))
 NARROW, WIDE = (-0.6, 0.6), (-2.8, 2.8)  # rad

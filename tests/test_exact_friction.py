@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from fimpact.concealed.motions import draw_motion
-from fimpact.concealed.rigs import RIGS, Rig
-from fimpact.concealed.strangers import plant
-from fimpact.concealed.world import new_world, play
+from fimpact.benchmark.drawing.motions import draw_motion
+from fimpact.benchmark.planting.ground_truth import new_world, play
+from fimpact.benchmark.planting.out_of_catalogue import plant
+from fimpact.benchmark.rigs.registry import RIGS, Rig
 
 ARM, JOINT, DOF = RIGS["arm_free"], "joint_2", 1
 STEPS = 100  # of the reference, in one sample

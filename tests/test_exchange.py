@@ -7,10 +7,10 @@ from scipy import stats
 from test_search import COUNT, alone, regression, white
 
 from fimpact.effects import EFFECTS
-from fimpact.selection.exchange import exchanges
 from fimpact.selection.forward import Search
 from fimpact.selection.options import options
 from fimpact.selection.regression import Regression
+from fimpact.selection.substitutes import exchanges
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import columns
 from fimpact.smoothing.prepare import prepare

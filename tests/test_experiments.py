@@ -11,34 +11,35 @@ import pytest
 from diagnosed import rubbing, undecided
 from planted import record
 
-from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed
-from fimpact.experiments.described import MANY, contenders, described, next_experiment, write_experiment
-from fimpact.experiments.design import (
-    ENOUGH,
+from fimpact.diagnosis.experiments.design_space import DesignSpace, limits
+from fimpact.diagnosis.experiments.next_experiment import MANY, contenders, described, next_experiment, write_experiment
+from fimpact.diagnosis.experiments.predicted_separation import (
+    MOST,
+    PIECES,
+    PriorKnowledge,
+    _left,
+    fitted_information,
+    separations,
+    unknown_information,
+)
+from fimpact.diagnosis.experiments.resolve import Resolved, resolve, stated_unknowns, surviving_names, weigh
+from fimpact.diagnosis.experiments.separating import (
+    ENOUGH_SEPARATION,
     GENERATIONS,
+    MIN_GENERATIONS,
     NEEDED,
     PATIENCE,
-    TRIED,
     Experiment,
     _search,
     discriminate,
     repeats,
     utility,
 )
-from fimpact.experiments.limits import Limits, limits
-from fimpact.experiments.resolve import Resolved, remaining, resolve, stated, weigh
-from fimpact.experiments.separation import (
-    MOST,
-    PIECES,
-    Known,
-    _left,
-    fitted_information,
-    separations,
-    unknown_information,
-)
-from fimpact.report.experiment import commands
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.report.experiment_picture import commands
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 
 FRICTION, NOISE = 0.004, np.full(2, 2e-4)  # N m, rad
 COULOMB = {"coulomb@joint_2": {"friction": FRICTION}}
@@ -51,10 +52,10 @@ def recording():
 
 
 @cache
-def known() -> Known:
+def known() -> PriorKnowledge:
     simulator = Simulator(recording())
     members = tuple(Hypothesis(simulator.theta, (_placed(m),)) for m in (COULOMB, OFFSET))
-    return Known(simulator, members, NOISE, np.zeros(2), unknown_information(simulator, simulator.theta))
+    return PriorKnowledge(simulator, members, NOISE, np.zeros(2), unknown_information(simulator, simulator.theta))
 
 
 def _placed(member):
@@ -78,7 +79,7 @@ def designed() -> Experiment:
 def test_a_further_run_leaves_what_is_there():
     found = resolve(recording(), recording().held_out[:1], [OFFSET, COULOMB])
     assert found[0].name == "coulomb@joint_2" and found[0].weight > 0.99
-    assert remaining(found) == ["coulomb@joint_2"]
+    assert surviving_names(found) == ["coulomb@joint_2"]
     assert found[0].fitted.placed[0].values["friction"] == pytest.approx(FRICTION, rel=0.2)
 
 
@@ -89,7 +90,7 @@ def test_a_member_that_cannot_be_simulated_is_named():
 
 def test_a_name_remains_that_is_a_twentieth_as_likely():
     def left(weight):
-        return remaining([Resolved("a", 0.9, None), Resolved("b", weight, None)])
+        return surviving_names([Resolved("a", 0.9, None), Resolved("b", weight, None)])
 
     assert left(0.046) == ["a", "b"] and left(0.044) == ["a"]
 
@@ -124,7 +125,7 @@ def test_what_became_its_own_special_case_is_no_rival():
 
 def test_fits_begin_where_the_diagnosis_has_the_unknowns():
     rows = [{"of": u.name, "after": float(i)} for i, u in enumerate(recording().unknowns)]
-    assert stated(recording(), {"parameters": rows[::-1]}).tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert stated_unknowns(recording(), {"parameters": rows[::-1]}).tolist() == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_the_missing_force_hides_what_separates():
@@ -159,7 +160,7 @@ def test_no_piece_of_a_run_alone_separates():
 
 
 def test_the_design_is_no_worse_than_random(monkeypatch):
-    monkeypatch.setattr("fimpact.experiments.design.GENERATIONS", 2)
+    monkeypatch.setattr("fimpact.diagnosis.experiments.separating.GENERATIONS", 2)
     found = discriminate(recording(), known().simulator, known().members, NOISE)
     assert found.separation >= found.random > 0 and len(found.ctrl) == 240
 
@@ -173,9 +174,9 @@ def moved_by(motors: int) -> mujoco.MjModel:
     )
 
 
-@pytest.mark.parametrize(("value", "searched"), [(2 * ENOUGH, 0), (ENOUGH / 2, PATIENCE + 1)])
+@pytest.mark.parametrize(("value", "searched"), [(2 * ENOUGH_SEPARATION, 0), (ENOUGH_SEPARATION / 2, PATIENCE + 1)])
 def test_a_search_ends_when_more_is_not_needed_or_not_found(value, searched):
-    calls, allowed = [], Limits(np.zeros(3), np.ones(3), 5, moved_by(0))
+    calls, allowed = [], DesignSpace(np.zeros(3), np.ones(3), 5, moved_by(0))
 
     def constant(designs):
         calls.append(len(designs))
@@ -187,11 +188,11 @@ def test_a_search_ends_when_more_is_not_needed_or_not_found(value, searched):
 
 def test_a_search_that_finds_nothing_worth_playing_ends_early():
     values = iter(np.logspace(-6, -3, GENERATIONS))
-    allowed = Limits(np.zeros(3), np.ones(3), 5, moved_by(0))
+    allowed = DesignSpace(np.zeros(3), np.ones(3), 5, moved_by(0))
     _, pairs = _search(
         lambda designs: np.full((len(designs), 1), next(values)), allowed, np.zeros(3), np.array([1e-9]), 0
     )
-    assert pairs == [np.logspace(-6, -3, GENERATIONS)[TRIED - 1]]
+    assert pairs == [np.logspace(-6, -3, GENERATIONS)[MIN_GENERATIONS - 1]]
 
 
 def test_a_pair_that_nothing_separates_does_not_decide():
@@ -200,14 +201,14 @@ def test_a_pair_that_nothing_separates_does_not_decide():
 
 def test_commands_go_gently_or_at_once_from_knot_to_knot():
     knots = np.tile([[0.0], [1.0]], (4, 1)).ravel()
-    allowed = Limits(np.zeros(13), np.ones(13), 71, moved_by(1))
+    allowed = DesignSpace(np.zeros(13), np.ones(13), 71, moved_by(1))
     gently, at_once = (allowed.unpack(np.append(knots, [part, 0, 0, 0, 0]))[0][:, 0] for part in (1.0, 0.02))
     assert np.diff(gently) == pytest.approx(np.tile(np.repeat([0.1, -0.1], 10), 4)[:70])
     assert set(np.unique(at_once)) == {0.0, 0.5, 1.0}
 
 
 def test_a_thrown_body_has_no_commands():
-    allowed = Limits(np.array([1.0, 0.0, 2.0, 3.0]), np.array([1.0, 1.0, 2.0, 3.0]), 5, moved_by(0))
+    allowed = DesignSpace(np.array([1.0, 0.0, 2.0, 3.0]), np.array([1.0, 1.0, 2.0, 3.0]), 5, moved_by(0))
     ctrl, qpos, qvel = allowed.unpack(allowed.low)
     assert ctrl.shape == (5, 0) and qpos.tolist() == [2.0] and qvel.tolist() == [3.0]
 
@@ -215,7 +216,7 @@ def test_a_thrown_body_has_no_commands():
 def test_a_free_body_is_thrown_from_an_orientation():
     xml = "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>"
     ends = np.r_[0.1, 0, np.zeros(3), -np.ones(4), np.zeros(6)], np.r_[1.0, 1, np.ones(3), np.ones(4), np.ones(6)]
-    allowed = Limits(*ends, 5, mujoco.MjModel.from_xml_string(xml))
+    allowed = DesignSpace(*ends, 5, mujoco.MjModel.from_xml_string(xml))
     for design in allowed.draw(np.random.default_rng(0), 5):
         _, qpos, qvel = allowed.unpack(design)
         assert np.linalg.norm(qpos[3:]) == pytest.approx(1.0)
@@ -224,7 +225,7 @@ def test_a_free_body_is_thrown_from_an_orientation():
 
 def test_square_waves_stay_within_the_limits_and_random_experiments_have_none():
     bounds = np.append(np.full(8, -1.0), [0.02, 0, 0, 0, 0]), np.append(np.full(8, 2.0), [1.0, 1, 1, 0, 0])
-    allowed, rng = Limits(*bounds, 64, moved_by(1)), np.random.default_rng(0)
+    allowed, rng = DesignSpace(*bounds, 64, moved_by(1)), np.random.default_rng(0)
     flat = np.append(np.full(8, 0.5), [1.0, 0.5])
     slow, quick = (allowed.unpack(np.append(flat, [pace, 0, 0]))[0][:, 0] for pace in (0.0, 1.0))
     assert slow == pytest.approx(np.repeat([1.25, -0.25], 32)) and np.abs(np.diff(quick)).sum() == 31 * 1.5

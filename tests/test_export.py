@@ -10,10 +10,11 @@ import pytest
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.export.model import Predicted, check_model, improved_spec, write_files, write_model
+from fimpact.export.improved_model import Predicted, check_model, improved_spec, write_files, write_model
 from fimpact.export.replay import Replay
 from fimpact.recordings import Recording, Run, Unknown
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.windows import cut
 
 XML = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">

@@ -8,12 +8,12 @@ import synthetic
 from conftest import CLEAR, TOUCHING
 from PIL import Image
 
-from fimpact.paper import truth
+from fimpact.paper import reference_simulator
 from fimpact.paper.figures import curve, examples, forces
 from fimpact.paper.figures import panels as figures
 from fimpact.paper.figures.replay import replay
-from fimpact.plotting.scene import Scene, contacts, outline, plane_of_motion, surfaces
-from fimpact.plotting.style import log_places, power
+from fimpact.report.plotting.scene import Scene, contacts, outline, plane_of_motion, surfaces
+from fimpact.report.plotting.style import log_places, power
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_ticks_are_round_and_few():
 
 def test_replay_is_the_experiment_that_was_run(system):
     scene = replay(system, system.nominal, TOUCHING[system.name])
-    measurement, contact_steps = truth.simulate(system, system.nominal, TOUCHING[system.name])
+    measurement, contact_steps = reference_simulator.simulate(system, system.nominal, TOUCHING[system.name])
     np.testing.assert_array_equal(scene.measurement, measurement)
     assert scene.touching.sum() == contact_steps > 0
     assert scene.time[0] == 0 and len(scene.time) == system.steps

@@ -10,12 +10,12 @@ from diagnosed import rubbing
 from PIL import Image
 from recorded import ROD as XML
 
-from fimpact.diagnosis.proof import starts_of
-from fimpact.plotting.gif import FEWEST, write_gif
-from fimpact.plotting.scene import Scene, outline
-from fimpact.plotting.stroboscopic import View
+from fimpact.diagnosis.held_out import starts_of
 from fimpact.report.film import _bodies, draw_film, stretch
-from fimpact.report.motion import configurations, scene_of, undrawable
+from fimpact.report.plotting.gif import FEWEST, write_gif
+from fimpact.report.plotting.scene import Scene, outline
+from fimpact.report.plotting.stroboscopic import View
+from fimpact.report.poses import configurations, scene_of, undrawable
 
 FREE = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="cube" pos="0 0 1"><freejoint/>
 <geom type="box" size="0.1 0.1 0.1"/></body></worldbody><sensor><framepos name="p" objtype="body" objname="cube"/>

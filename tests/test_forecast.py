@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from conftest import CLEAR, TOUCHING
 
-from fimpact.paper import truth
+from fimpact.paper import reference_simulator
 from fimpact.paper.forecast import ENCODER_NOISE, forecaster
-from fimpact.paper.mjx.programs import programs
+from fimpact.paper.information.programs import programs
 from fimpact.paper.systems import make_system
 
 
@@ -23,7 +23,7 @@ def rows(system, count: int = 3) -> np.ndarray:
 def test_a_forecast_is_the_truth_of_the_same_robot(system):
     seen = forecaster(system).forecast(robots(system), rows(system))
     for rho, measured in zip(robots(system), seen.measurement, strict=True):
-        expected = truth.simulate(system, rho * system.nominal, TOUCHING[system.name])[0].ravel()
+        expected = reference_simulator.simulate(system, rho * system.nominal, TOUCHING[system.name])[0].ravel()
         assert np.abs(measured * system.sensor.noise - expected).max() < 1e-9 * np.abs(expected).max()
 
 

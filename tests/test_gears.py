@@ -6,15 +6,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from fimpact.concealed import at_joints
-from fimpact.concealed.rigs import rig_of
-from fimpact.concealed.world import compiled, new_world
+from fimpact.benchmark.planting import joints
+from fimpact.benchmark.planting.ground_truth import compiled, new_world
+from fimpact.benchmark.rigs.registry import rig_of
 from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed, State
+from fimpact.effects.base import Placed
 from fimpact.effects.drives import servo_force
 from fimpact.effects.gears import Shaft, elastic, loose
+from fimpact.effects.law_inputs import State
 from fimpact.recordings import Recording, Run
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.windows import cut
 
 ROTOR, PERIOD = 0.004, 0.005
@@ -56,7 +58,7 @@ def behind(name, values, xml=XML):
     """The same mechanism with a joint between motor and link, as the benchmark plants it."""
     world = SimpleNamespace(spec=mujoco.MjSpec.from_string(xml), shafts=[])
     planted = {key: value for key, value in values.items() if key != "retardation"}
-    getattr(at_joints, name)(world, "hinge", **planted)
+    getattr(joints, name)(world, "hinge", **planted)
     return world.spec.to_xml()
 
 
@@ -173,7 +175,7 @@ def test_what_is_planted_leaves_contacts_as_soft_as_they_were():
     """MuJoCo scales the softness of a contact by an inverse inertia that a joint behind the motor would change."""
     rig = rig_of("arm_contact")
     plain, world = (new_world(rig, np.zeros(len(rig.unknowns)), fine=True) for _ in range(2))
-    at_joints.joint_elasticity(world, "joint_3", compliance=0.002)
+    joints.joint_elasticity(world, "joint_3", compliance=0.002)
     found, raw = compiled(world), world.spec.compile()
     np.testing.assert_allclose(found.body_invweight0, compiled(plain).body_invweight0, rtol=1e-4)
     assert not np.allclose(raw.body_invweight0, compiled(plain).body_invweight0, rtol=0.05)

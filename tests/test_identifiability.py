@@ -7,13 +7,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from fimpact.diagnosis.identifiability.blind_spots import not_shown
+from fimpact.diagnosis.identifiability.case_check import shown_by_motions
+from fimpact.diagnosis.identifiability.judging import Asked, Judge
+from fimpact.diagnosis.identifiability.proposed_motions import Advisor
+from fimpact.diagnosis.identifiability.quick_look import Sight, look
+from fimpact.diagnosis.identifiability.sentences import UNSEEN, findings_to_tell
 from fimpact.effects import EFFECTS
-from fimpact.identifiability.checked import shown_by_motions
-from fimpact.identifiability.diagnosed import not_shown
-from fimpact.identifiability.judging import Asked, Judge
-from fimpact.identifiability.motions import Advisor
-from fimpact.identifiability.sight import Sight, look
-from fimpact.identifiability.wording import UNSEEN, told
 from fimpact.recordings import Recording, Run, Unknown
 from fimpact.selection.regression import Regression
 from fimpact.smoothing.candidates import candidates
@@ -95,7 +95,9 @@ def test_a_joint_that_never_moves_shows_no_friction_and_is_to_be_moved_alone():
     unseen = sight.judge.judged().unseen
     assert {"coulomb@wrist", "viscous@wrist"} <= set(unseen)
     assert not {"coulomb@shoulder", "viscous@shoulder"} & set(unseen)
-    line = next(one for one in told(sight.judge.judged(), sight.judge.asked, sight) if "coulomb@wrist" in one.names)
+    line = next(
+        one for one in findings_to_tell(sight.judge.judged(), sight.judge.asked, sight) if "coulomb@wrist" in one.names
+    )
     assert "wrist (it never moves)" in line.what
     assert line.motion.startswith("Move wrist alone, there and back")
 
@@ -106,7 +108,7 @@ def test_at_one_speed_dry_and_viscous_friction_are_one(back):
     assert together(sight, "coulomb@wheel", "viscous@wheel")
     posing = ("torque_offset@wheel_motor", "coulomb@wheel")
     assert (posing in sight.judge.judged().posing) == (not back)
-    lines = [f"{one.what}: {one.motion}" for one in told(sight.judge.judged(), sight.judge.asked, sight)]
+    lines = [f"{one.what}: {one.motion}" for one in findings_to_tell(sight.judge.judged(), sight.judge.asked, sight)]
     posed = [line for line in lines if line.startswith("torque offset at wheel_motor from Coulomb friction at wheel")]
     assert bool(posed) == (not back)
     assert all("Move wheel alone, there and back" in line for line in posed)

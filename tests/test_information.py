@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from conftest import CLEAR, TOUCHING
 
-from fimpact.paper.mjx.information import CRITERIA, empirical_information, fisher, identifiability, score
-from fimpact.paper.mjx.programs import programs
+from fimpact.paper.information.fisher import CRITERIA, empirical_information, fisher, identifiability, score
+from fimpact.paper.information.programs import programs
 
 
 def test_forward_sensitivities_through_contact_match_central_differences(system):

@@ -9,9 +9,9 @@ import pytest
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.servo_steps import is_long
 from fimpact.simulation.simulator import Simulator
-from fimpact.smoothing.inverse import Inverse
+from fimpact.smoothing.dynamics.inverse import Inverse
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
 
 PERIOD, COUNT = 0.01, 8
 # Free, hinge, ball and slide; `weld` has its mass in its origin, and `other` is a tree of its own.

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fimpact.smoothing.filtering import filtered, swept, variances
+from fimpact.smoothing.filter.by_run import filtered, swept, variances
 
 N, NV, NY, SAMPLES, RUNS, COLUMNS = 4, 2, 3, 40, 2, 3
 M, COUNT = N + NV, RUNS * SAMPLES

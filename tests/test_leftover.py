@@ -10,8 +10,8 @@ from test_prepare import BALL
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
-from fimpact.selection.leftover import Leftover, leftover, smooth_functions
-from fimpact.smoothing.levels import CHANGE
+from fimpact.selection.unnamed_rest import Leftover, leftover, smooth_functions
+from fimpact.smoothing.noise_levels import CHANGE
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 

@@ -8,8 +8,8 @@ import pytest
 from recorded import ROD, record, rod
 
 from fimpact.deciding import FALL, TRUSTED
-from fimpact.smoothing.filtering import variances
-from fimpact.smoothing.levels import Levels, Pace, moved_by, nearer
+from fimpact.smoothing.filter.by_run import variances
+from fimpact.smoothing.noise_levels import Levels, Pace, moved_by, nearer
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.step import solve

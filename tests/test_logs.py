@@ -7,11 +7,11 @@ import yaml
 from case_files import CASE, MODEL, TOSS, altered, entry, motion, write_case, write_case_of, write_csv
 
 from fimpact.cases import CaseError, read_case
-from fimpact.cases.names import unit
-from fimpact.cases.timebase import Series, on_grid
+from fimpact.cases.drafting.column_names import unit
+from fimpact.cases.resampling import Series, on_grid
 from fimpact.cli import main
 from fimpact.effects import EFFECTS
-from fimpact.simulation.starts import noise_level
+from fimpact.simulation.state_guess import noise_level
 
 
 @pytest.mark.parametrize("low", [-np.pi, 0.0])

@@ -13,19 +13,19 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording
 from fimpact.selection import forward
-from fimpact.selection.drives import align, drive, far
-from fimpact.selection.exchange import Alternative
 from fimpact.selection.forward import Search
+from fimpact.selection.one_round import search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression
-from fimpact.selection.search import search
-from fimpact.simulation.starts import believed_noise, noise_level
+from fimpact.selection.servo_drives import align, drive, far
+from fimpact.selection.substitutes import Alternative
+from fimpact.simulation.state_guess import believed_noise, noise_level
 from fimpact.smoothing.candidates import candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
-from fimpact.smoothing.lateness import lateness
+from fimpact.smoothing.dynamics.response import Response
 from fimpact.smoothing.prepare import Prepared, prepare
-from fimpact.smoothing.response import Response
-from fimpact.smoothing.simulated import Simulated
+from fimpact.smoothing.servo_lag import lateness
+from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, inverse_of_push, smooth
 
 PERIOD = 0.02

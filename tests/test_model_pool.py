@@ -9,8 +9,9 @@ import pytest
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Run, Unknown
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.model_pool import ModelPool
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.windows import cut
 
 XML = """<mujoco>

@@ -8,7 +8,7 @@ import pytest
 
 from fimpact.cli import main
 from fimpact.effects import EFFECTS
-from fimpact.effects.own import load_effects
+from fimpact.effects.plugins import load_effects
 from fimpact.export.callback import SourceBundle
 
 ROOT = Path(__file__).parents[1]

@@ -19,13 +19,13 @@ SETTINGS = {
 
 CHECK = """
 import numpy as np
-from fimpact.paper import truth
+from fimpact.paper import reference_simulator
 from fimpact.paper.forecast import forecaster
-from fimpact.paper.mjx.programs import programs
+from fimpact.paper.information.programs import programs
 from fimpact.paper.systems import make_system
 cart = make_system("cart", {settings})
 push = np.full(4, 3.0)
-measured, steps = truth.simulate(cart, 1.2 * cart.nominal, push)
+measured, steps = reference_simulator.simulate(cart, 1.2 * cart.nominal, push)
 assert steps > 0
 forecast = forecaster(cart).forecast(np.array([[1.2]]), push[None])
 assert forecast.closest[0] < 0 < forecast.first[0]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from conftest import TOUCHING
 
-from fimpact.paper import plans, truth
+from fimpact.paper import plans, reference_simulator
 from fimpact.paper.contact_implicit.plan import planner
-from fimpact.paper.design import Task
+from fimpact.paper.task import Task
 
 BUDGET = {"transcription": {"intervals": 1000, "eps": [1e-2], "iterations": 1}}
 
@@ -22,7 +22,7 @@ def played(system):
 def test_simulated_forces_are_those_of_the_sensor(systems):
     arm = systems["arm"]
     force = plans.simulate(arm, arm.nominal, TOUCHING["arm"])
-    measured, _ = truth.simulate(arm, arm.nominal, TOUCHING["arm"])
+    measured, _ = reference_simulator.simulate(arm, arm.nominal, TOUCHING["arm"])
     assert np.allclose(force, np.stack([-measured[:, 1], measured[:, 0]], 1))
 
 

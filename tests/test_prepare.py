@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from recorded import ROD, record, waves
 
-import fimpact.smoothing.refinement as refinement
-from fimpact.effects.sites import can_touch, contacts
+import fimpact.smoothing.time_step as refinement
+from fimpact.effects.sites import contacts
+from fimpact.effects.touching import can_touch
 from fimpact.simulation.simulator import Simulator
+from fimpact.smoothing.dynamics.response import Response
+from fimpact.smoothing.dynamics.track import Plant, Track
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
-from fimpact.smoothing.refinement import COARSER, FINER, FINEST
-from fimpact.smoothing.response import Response
-from fimpact.smoothing.track import Plant, Track
+from fimpact.smoothing.time_step import COARSER, FINER, FINEST
 
 BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
 <body name="ball" pos="0 0 0.3"><freejoint name="free"/><geom name="ball" size="0.05" mass="0.3"/></body></worldbody>

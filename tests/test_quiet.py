@@ -4,7 +4,7 @@ import mujoco
 import pytest
 
 from fimpact.simulation import simulator  # noqa: F401  (it is what hushes)
-from fimpact.support import quiet
+from fimpact.support import mujoco_setup
 
 XML = "<mujoco><worldbody><body><joint type='slide'/><geom size='0.1' mass='1'/></body></worldbody></mujoco>"
 
@@ -20,5 +20,5 @@ def test_the_profiler_is_off(capfd):
 
 @pytest.mark.parametrize("library", ["", "no/such/library.so"])
 def test_where_the_clock_is_not_found_it_is_left_alone(monkeypatch, library):
-    monkeypatch.setattr(quiet, "_library", lambda: library)
-    quiet.hush()
+    monkeypatch.setattr(mujoco_setup, "_library", lambda: library)
+    mujoco_setup.hush()

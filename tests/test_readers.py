@@ -9,7 +9,7 @@ from pyarrow import parquet
 from servo_logs import EPOCH, JOINTS, array, bag, header, lerobot, mcap, messages, run, state
 
 from fimpact.cases.errors import CaseError
-from fimpact.cases.readers import files_of, read_table
+from fimpact.cases.readers.files import files_of, read_table
 
 ROWS = "0,0.5,1\n0.1,0.25,2\n0.2,,3\n"
 TEXTS = {  # of a CSV with the columns t, q1 and u -> units that the file tells

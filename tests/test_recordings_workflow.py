@@ -14,8 +14,8 @@ from test_concealed_workflow import needed
 from test_fetch import CONTENT, Handler
 from test_workflow import ROOT, copy, imported, planned, snakemake, stages
 
-from fimpact.commands.rig_summary import to_markdown
-from fimpact.support.keys import check_keys
+from fimpact.benchmark.comparators.rig_summary import to_markdown
+from fimpact.support.schema_check import check_keys
 
 SCHEMA = ROOT / "workflow" / "schemas" / "recordings.schema.yaml"
 PAGE = "results/recordings/ball_drops/report.html"

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from diagnosed import nothing, rubbing, undecided
 
+from fimpact.diagnosis.identifiability.sentences import Told
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import words
-from fimpact.identifiability.wording import Told
 from fimpact.report import contents as report_contents
 from fimpact.report import page as report
 from fimpact.report.contents import describe_inputs, to_text

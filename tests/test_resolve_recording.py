@@ -33,7 +33,9 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def asked(folder, capsys, monkeypatch):
     """Exit code and what was said, after a diagnosis and a case that may be spoiled."""
-    monkeypatch.setattr("fimpact.commands.telling.SECOND", 0.0)  # a quick machine takes its first steps within a second
+    monkeypatch.setattr(
+        "fimpact.api.commands.console.SECOND", 0.0
+    )  # a quick machine takes its first steps within a second
 
     def asked(runs=(NEW,), members=MEMBERS, **spoiled):
         (folder / "case.yaml").write_text(yaml.safe_dump(CASE))

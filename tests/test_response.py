@@ -13,9 +13,9 @@ from recorded import ARM, ROD, record, waves
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Unknown
-from fimpact.smoothing import response as module
+from fimpact.smoothing.dynamics import response as module
+from fimpact.smoothing.dynamics.response import NUDGE, Change, Response, Slopes
 from fimpact.smoothing.prepare import prepare
-from fimpact.smoothing.response import NUDGE, Change, Response, Slopes
 from fimpact.smoothing.smoother import smooth
 
 

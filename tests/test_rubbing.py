@@ -9,9 +9,9 @@ from recorded import rod
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.smoothing.laws import middle
+from fimpact.smoothing.dynamics.dry_friction import STEEP, Rubbing, rubbing
+from fimpact.smoothing.dynamics.laws import middle
 from fimpact.smoothing.prepare import Prepared, prepare
-from fimpact.smoothing.rubbing import STEEP, Rubbing, rubbing
 
 FRICTION = 0.1
 

@@ -10,11 +10,11 @@ from recorded import rod
 from fimpact.deciding import BELIEF, SHARE, TYPICAL
 from fimpact.effects import EFFECTS
 from fimpact.selection import forward
-from fimpact.selection.drives import whole
 from fimpact.selection.forward import Search, explain
+from fimpact.selection.one_round import Trial, attempt, search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression
-from fimpact.selection.search import Trial, attempt, search
+from fimpact.selection.servo_drives import whole
 from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.columns import Columns
 from fimpact.smoothing.prepare import prepare

@@ -10,9 +10,10 @@ from test_export import replayed
 from fimpact.effects import EFFECTS, sites
 from fimpact.effects.base import Placed
 from fimpact.effects.classes import classes
-from fimpact.export.model import Predicted
+from fimpact.export.improved_model import Predicted
 from fimpact.recordings import Recording, Run
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.windows import cut
 
 KP, KV, LIMIT, PERIOD = 20.0, 0.4, 3.0, 0.01

@@ -7,26 +7,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from fimpact.comparators.random_features import learn_force
+from fimpact.benchmark.comparators.random_features import learn_force
 from fimpact.deciding import ASTRAY
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Run, Unknown
-from fimpact.simulation import horizon
-from fimpact.simulation.horizon import (
-    HorizonErrors,
-    Starts,
-    errors_of,
-    fit_windows,
-    refit,
-    states_of,
-    step_error,
-    window_starts,
-    windows_of,
-)
+from fimpact.simulation import window_fit
+from fimpact.simulation.horizon import HorizonErrors, errors_of, windows_of
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.nonsmooth import make_friction_exact
-from fimpact.simulation.simulator import Hypothesis, Simulator
-from fimpact.simulation.starts import measured_motion, noise_level
+from fimpact.simulation.simulator import Simulator
+from fimpact.simulation.state_guess import measured_motion, noise_level
+from fimpact.simulation.window_fit import Starts, fit_windows, refit, states_of, step_error, window_starts
 from fimpact.simulation.windows import cut
 
 ROD = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">
@@ -375,7 +367,7 @@ def test_what_a_servo_forgets_is_not_simulated(stiff, monkeypatch):
     )
     fit = fit_windows(simulator, hypothesis, windows, own, noise)
     assert ((2, 400) not in asked) == stiff
-    monkeypatch.setattr(horizon, "SOON", 400)
+    monkeypatch.setattr(window_fit, "SOON", 400)
     whole = fit_windows(simulator, hypothesis, windows, own, noise)
     np.testing.assert_allclose(fit.slopes * 0.01, whole.slopes * 0.01, atol=1e-3)
 
@@ -388,7 +380,7 @@ def test_a_finer_step_needs_no_new_slopes(monkeypatch):
     anew, begun = (fit_windows(plant, hypothesis, windows, own, noise) for plant in (fine, coarse))
     moved = step_error(begun, Simulator(given, 2), hypothesis, 4)
     assert 0 < moved < 1 and step_error(begun, coarse, hypothesis, 4) == 0
-    monkeypatch.setattr(horizon, "_sloped", lambda *_: pytest.fail("slopes are kept"))
+    monkeypatch.setattr(window_fit, "_sloped", lambda *_: pytest.fail("slopes are kept"))
     found = refit(begun, fine, hypothesis)
     np.testing.assert_allclose(found.cost, anew.cost, rtol=0.02)
     np.testing.assert_allclose(found.predicted, anew.predicted, atol=2e-3)

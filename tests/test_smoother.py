@@ -15,9 +15,9 @@ from fimpact.selection.regression import Regression
 from fimpact.smoothing import smoother
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import columns, motion_scales
-from fimpact.smoothing.levels import CHANGE, FLIGHT, STANCE
+from fimpact.smoothing.dynamics.response import heavier
+from fimpact.smoothing.noise_levels import CHANGE, FLIGHT, STANCE
 from fimpact.smoothing.prepare import Prepared, prepare
-from fimpact.smoothing.response import heavier
 from fimpact.smoothing.smoother import Smoothed, smooth
 
 MOTOR = '<motor name="motor" joint="pivot"/>'
@@ -93,7 +93,7 @@ def test_forces_that_nobody_knows_make_nothing_lighter(monkeypatch):
     made = prepare(swinging(0))
     mass = number(smooth(made.track, made.begun, made.noise), "mass@rod")
     assert mass == pytest.approx(0.3, rel=0.1)
-    for place in ("response", "smoother"):
+    for place in ("dynamics.response", "smoother"):
         monkeypatch.setattr(f"fimpact.smoothing.{place}.heavier", lambda after, before: np.ones(after.nv))
     assert number(smooth(made.track, made.begun, made.noise), "mass@rod") < 0.5 * mass
 

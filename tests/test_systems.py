@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from conftest import CLEAR, TOUCHING
 
-from fimpact.paper import truth
-from fimpact.paper.mjx.programs import programs
-from fimpact.paper.mjx.rollout import _alike, with_parameters
+from fimpact.paper import reference_simulator
+from fimpact.paper.information.programs import programs
+from fimpact.paper.information.rollout import _alike, with_parameters
 from fimpact.paper.systems import SYSTEMS, make_system
 
 
@@ -26,7 +26,8 @@ def test_every_parameter_changes_the_rollout_in_both_engines(system):
         rho = one + 0.05 * (np.arange(len(one)) == i)
         moved = predict(system, rho, design).measurement - predict(system, one, design).measurement
         in_c = (
-            truth.simulate(system, rho * system.nominal, design)[0] - truth.simulate(system, system.nominal, design)[0]
+            reference_simulator.simulate(system, rho * system.nominal, design)[0]
+            - reference_simulator.simulate(system, system.nominal, design)[0]
         )
         assert np.abs(moved).max() > 1, system.parameters[i].name
         assert np.abs(in_c).max() > system.sensor.noise, system.parameters[i].name
@@ -35,7 +36,7 @@ def test_every_parameter_changes_the_rollout_in_both_engines(system):
 def test_mjx_and_the_papers_sensor_agree_with_mujoco_c_and_its_own_sensor(system):
     rng = np.random.default_rng(3)
     for rho in rng.uniform(0.9, 1.1, (4, len(system.nominal))):
-        measured, contact_steps = truth.simulate(system, rho * system.nominal, TOUCHING[system.name])
+        measured, contact_steps = reference_simulator.simulate(system, rho * system.nominal, TOUCHING[system.name])
         predicted = predict(system, rho, TOUCHING[system.name])
         assert contact_steps > 0
         error = predicted.measurement[0] * system.sensor.noise - measured.ravel()
@@ -43,7 +44,7 @@ def test_mjx_and_the_papers_sensor_agree_with_mujoco_c_and_its_own_sensor(system
 
 
 def test_silent_without_contact(system):
-    measured, contact_steps = truth.simulate(system, system.nominal, CLEAR[system.name])
+    measured, contact_steps = reference_simulator.simulate(system, system.nominal, CLEAR[system.name])
     assert contact_steps == 0
     assert np.abs(measured).max() < 1e-9
 

@@ -7,8 +7,8 @@ import pytest
 from conftest import ROOT
 from diagnosed import nothing, rubbing, undecided
 
-from fimpact.concealed.rigs import RIGS
-from fimpact.concealed.strata import track_record as counted
+from fimpact.benchmark.grading.strata import track_record as counted
+from fimpact.benchmark.rigs.registry import RIGS
 from fimpact.diagnosis import track_record as told
 from fimpact.diagnosis.track_record import rig_like, track_record
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recorded import arm, rod
 
-from fimpact.diagnosis.findings import CERTAIN, SLIGHT, findings
+from fimpact.diagnosis.wording.certainty import CERTAIN, SLIGHT, findings
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.smoothing.candidates import at

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fimpact.support.visuals import without_visuals
+from fimpact.support.visual_meshes import without_visuals
 
 CORNERS = 0.1 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]

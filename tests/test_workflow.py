@@ -115,7 +115,7 @@ def test_nothing_runs_twice(finished):
 
 @pytest.mark.parametrize(
     ("edited", "rules"),
-    [("plotting/style.py", DRAWN | {"example", "forces"}), ("support/progress.py", set())],
+    [("report/plotting/style.py", DRAWN | {"example", "forces"}), ("support/progress.py", set())],
     indirect=["edited"],
 )
 def test_an_edit_reruns_what_depends_on_it(edited, rules):

@@ -11,12 +11,13 @@ from matplotlib.axes import Axes
 from fimpact.effects.base import Effect, Placed
 from fimpact.recordings import Recording, Run
 from fimpact.report.look import IMPROVED, LOOK, QUIET
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.windows import cut
 from fimpact.smoothing.candidates import at, scales_along
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
-from fimpact.support.units import channel_unit
+from fimpact.support.channel_units import channel_unit
 
 ARM = """<mujoco><option timestep="0.002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
 <body name="upper"><joint name="shoulder" axis="0 1 0" damping="0.05"/>

@@ -11,16 +11,25 @@ import os
 import signal
 import sys
 import threading
-import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-OTHERS = "\n## The rigs here\n"  # from here on the page on keys is about cases of the repository
+from fimpact.api.commands.subcommands import (
+    check_case,
+    diagnose_case,
+    fit_effects,
+    list_effects,
+    print_keys,
+    resolve_names,
+    teller,
+    write_first_case,
+)
+
 FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
 TRACEBACK = "FIMPACT_TRACEBACK"  # an environment variable, for whoever mends this program
 
@@ -110,12 +119,12 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="read and judge a case without running it")
     check.add_argument("case", type=Path, metavar="CASE.yaml")
     check.add_argument("--data", **data)
-    check.set_defaults(run=_check)
+    check.set_defaults(run=check_case)
     first = commands.add_parser("init", help="write a first case by matching column names to an MJCF")
     first.add_argument("model", type=Path, metavar="MODEL.xml")
     first.add_argument("log", type=Path, nargs="+", metavar="LOG", help="the last of several is held out")
     first.add_argument("-o", "--out", type=Path, metavar="CASE.yaml", default=Path("case.yaml"))
-    first.set_defaults(run=_init)
+    first.set_defaults(run=write_first_case)
     diagnose = commands.add_parser("diagnose", help="find what the model lacks, and write the page")
     diagnose.add_argument("case", type=Path, metavar="CASE.yaml")
     diagnose.add_argument("--data", **data)
@@ -124,27 +133,27 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("--quick", action="store_true", help="ask for kinds at classes of places only")
     diagnose.add_argument("--only", metavar="FAMILY", default="", help="ask for one family, such as friction")
     diagnose.add_argument("--budget", type=_seconds, metavar="SECONDS", help="ask nothing more once they are over")
-    diagnose.set_defaults(run=_diagnose)
+    diagnose.set_defaults(run=diagnose_case)
     fit = commands.add_parser("fit", help="fit the effects that you name, and no others")
     fit.add_argument("case", type=Path, metavar="CASE.yaml")
     fit.add_argument("names", nargs="+", metavar="EFFECT@SITE", help="such as coulomb@shoulder; `fimpact effects`")
     fit.add_argument("--data", **data)
     fit.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
     fit.add_argument("-o", "--out", type=Path, metavar="FILE.json", help="write parameters and held-out errors there")
-    fit.set_defaults(run=_fit)
+    fit.set_defaults(run=fit_effects)
     further = commands.add_parser("resolve", help="say which name is left, once the experiment is recorded")
     further.add_argument("case", type=Path, metavar="CASE.yaml", help="with the new log under runs:")
     further.add_argument("--data", **data)
     further.add_argument("--out", type=Path, metavar="DIR", help="of the diagnosis; default: results/recordings/CASE")
     further.add_argument("--effects", type=Path, metavar="FILE.py", help="the same as the diagnosis had")
-    further.set_defaults(run=_resolve)
+    further.set_defaults(run=resolve_names)
     keys = commands.add_parser("keys", help="explain every key of a case")
-    keys.set_defaults(run=_keys)
+    keys.set_defaults(run=print_keys)
     catalogue = commands.add_parser("effects", help="list the physics that a model may lack, or one piece in full")
     catalogue.add_argument("name", nargs="?", metavar="NAME", help="such as coulomb: its numbers, units and fields")
     catalogue.add_argument("--model", type=Path, metavar="MODEL.xml", help="name the places that this MJCF has for it")
     catalogue.add_argument("--effects", type=Path, metavar="FILE.py", help="adds effects of your own to the catalogue")
-    catalogue.set_defaults(run=_effects)
+    catalogue.set_defaults(run=list_effects)
     _add_benchmark(commands.add_parser("benchmark", help="make a challenge of concealed physics, or grade one"))
     return parser
 
@@ -171,142 +180,22 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _check(options: argparse.Namespace) -> None:
-    from fimpact.cases import read_case
-    from fimpact.identifiability.checked import shown_by_motions
-
-    recording = read_case(options.case, options.data)
-    shown = shown_by_motions(recording)
-    both = (recording.training, recording.held_out)
-    spans = [f"{len(runs)} runs, {sum(len(r.measured) for r in runs) * recording.period:.4g} s" for runs in both]
-    print(f"{options.case}: good. To fit: {spans[0]}; held out: {spans[1]}")
-    print(f"every {recording.period:.6g} s: {', '.join(recording.channels)}")
-    print(f"unknown: {', '.join(one.name for one in recording.unknowns) or 'nothing but the initial states'}")
-    print("".join(f"note: {note}\n" for note in recording.notes), end="")
-    print("\n".join(shown))
-
-
-def _init(options: argparse.Namespace) -> None:
-    from fimpact.cases.first import first_case
-    from fimpact.support.drafts import write_text
-
-    if options.out.exists():
-        raise ValueError(f"{options.out} exists; nothing is overwritten; choose another name with -o, or remove it")
-    _check_place(options.out)
-    first = first_case(options.model, options.log, options.out)
-    write_text(first.text(), options.out)
-    print(f"wrote {options.out}; to fill in: {'' if first.open else 'nothing'}")
-    print("".join(f"  {line}\n" for line in first.open) + "concluded, to be looked at:")
-    print("\n".join(f"  {line}" for line in first.taken))
-    print(f"then: fimpact check {options.out}")
-
-
-def _check_place(out: Path, files: Iterable[Path] = ()) -> None:
-    """Before the work: a file can be written there, and is none of `files`, which are read."""
-    from fimpact.support.drafts import check_apart, draft_folder
-
-    if out.exists() and not out.is_file():
-        raise ValueError(f"{out} is {'a folder' if out.is_dir() else 'no ordinary file'}; name a file with -o")
-    parent = out.resolve().parent
-    if not parent.is_dir():
-        raise ValueError(f"{parent} is not a folder; make it, or choose another name with -o")
-    check_apart(out, files)
-    try:
-        with draft_folder(parent):
-            pass
-    except OSError as error:
-        raise ValueError(f"{out} cannot be written ({error.strerror}); choose another name with -o") from None
-
-
-def _diagnose(options: argparse.Namespace) -> None:
-    from fimpact.api.options import chosen_family
-    from fimpact.commands.diagnose_recording import diagnose_recording
-    from fimpact.selection.limits import Limits
-
-    only = chosen_family(options.only, "--only")
-    limits = Limits(options.quick, only, options.budget or math.inf, time.monotonic())
-    found, page = diagnose_recording(*_asked(options), limits)
-    print(f"page: {page}")
-    print(found.verdict)
-
-
-def _fit(options: argparse.Namespace) -> None:
-    from fimpact.cases import inputs
-    from fimpact.commands.fit_recording import as_json, fit_recording, in_lines
-    from fimpact.support.drafts import write_text
-
-    if options.out:
-        own = [path for path in (options.case, options.effects) if path]
-        _check_place(options.out, own)
-        _check_place(options.out, inputs(options.case, options.data))
-    found = fit_recording(options.case, options.data, options.names, _teller(), options.effects)
-    if options.out:
-        write_text(as_json(found), options.out)
-    print("\n".join(in_lines(found)))
-
-
-def _resolve(options: argparse.Namespace) -> None:
-    from fimpact.commands.resolve_recording import resolve_recording
-    from fimpact.effects.base import words
-
-    ranked, left = resolve_recording(*_asked(options))
-    for member in ranked:
-        print(f"{member.weight:4.0%}  {words(member.name)}")
-    said = ", ".join(map(words, left))
-    if not ranked:
-        print(f"Left: {said}. The diagnosis left no other name, and nothing is to be resolved.")
-    else:
-        print(f"Left: {said}." if len(left) == 1 else f"These cannot be told apart yet: {said}.")
-
-
-def _asked(
-    options: argparse.Namespace,
-) -> tuple[Path, Path | None, Path, Callable[[str], None], Path | None]:
-    """Case, data, folder of the page, progress and effects, as the command line gives them."""
-    out = options.out or Path("results") / "recordings" / options.case.stem
-    return options.case, options.data, out, _teller(), options.effects
-
-
-def _teller() -> Callable[[str], None]:
-    from fimpact.commands.telling import Teller
-
-    return Teller()
-
-
-def _keys(options: argparse.Namespace) -> None:
-    from importlib.resources import files
-
-    text = files("fimpact.cases").joinpath("keys.md").read_text(encoding="utf-8")
-    print(text.partition(OTHERS)[0].rstrip())
-
-
 def _make_challenge(options: argparse.Namespace) -> None:
-    from fimpact.concealed.challenge import make
-    from fimpact.concealed.rigs import RIGS
+    from fimpact.benchmark.challenge import make
+    from fimpact.benchmark.rigs.registry import RIGS
 
     rigs = options.rigs.split(",") if options.rigs else list(RIGS)
-    count = make(options.seed, options.out, options.cases, rigs, _teller())
+    count = make(options.seed, options.out, options.cases, rigs, teller())
     print(f"{count} cases in {options.out}: fill in answers.csv there, then `fimpact benchmark grade`")
 
 
 def _grade(options: argparse.Namespace) -> None:
-    from fimpact.concealed.challenge import grade_answers, summary
+    from fimpact.benchmark.challenge import grade_answers, summary
 
     graded = grade_answers(options.answers, options.of or options.answers.parent)
     out = options.answers.with_name("entered.csv")
     graded.to_csv(out, index=False)
     print("\n".join([*summary(graded), f"wrote {out}"]))
-
-
-def _effects(options: argparse.Namespace) -> None:
-    from fimpact.effects import get_effect
-    from fimpact.effects.listing import catalogue, described, place_lister
-    from fimpact.effects.own import load_effects
-
-    if options.effects:
-        load_effects(options.effects)
-    places = place_lister(options.model) if options.model else None
-    print("\n".join(described(get_effect(options.name), places) if options.name else catalogue(places)))
 
 
 if __name__ == "__main__":

@@ -3,11 +3,11 @@ import re
 import sys
 from pathlib import Path
 
-from fimpact.concealed.plan import case_names, compared, entered
-from fimpact.concealed.settings import check as check_benchmark
+from fimpact.benchmark.plan import case_names, compared, entered
+from fimpact.benchmark.settings import check as check_benchmark
 from fimpact.paper.config import PLANAR, SEEN, check
 from fimpact.support.fetch import find_source, read_sources
-from fimpact.support.keys import check_keys
+from fimpact.support.schema_check import check_keys
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # of every job: pictures go to files
 KNOWN = sorted(path.stem for path in Path("config/recordings").glob("*.yaml") if path.stem != "sources")
@@ -37,97 +37,100 @@ REFERENCE += [f"example-{system}.{ending}" for system in SYSTEMS for ending in (
 # The package files each stage depends on: editing one reruns the stages that list it. tests/test_workflow.py
 # compares the lists with what the modules import.
 MODEL = ["__init__", "paper/systems/__init__", "paper/systems/base"]
-MODEL += [f"paper/mjx/{name}" for name in "runtime engine sensors rollout information traced programs".split()]
-FORECAST = ["support/quiet", "paper/forecast"]
-PLANNING = [f"paper/contact_implicit/{name}" for name in "bodies plan simulate step transcription".split()]
-TABLES = ["support/tables", "support/drafts"]
+
+
+def of(package, modules):
+    """Package files of `modules`, names in one text, of one package."""
+    return [f"{package}/{name}" for name in modules.split()]
+
+
+MODEL += of("paper/mjx", "engine runtime sensors") + of("paper/information", "fisher programs rollout traced")
+FORECAST = ["support/mujoco_setup", "paper/forecast"]
+PLANNING = of("paper/contact_implicit", "bodies plan simulate step transcription")
+TABLES = ["support/tables", "support/atomic_files"]
 TRIAL = [*MODEL, *FORECAST, *PLANNING, *TABLES]
-TRIAL += [f"paper/{name}" for name in "truth design search estimate trial".split()]
-EFFECTS = (
-    "__init__ actuation amounts base classes contact drives environment friction gears masses native sensing servos sites "
-    "structure transmission"
+TRIAL += of("paper", "reference_simulator design search estimate task trial")
+FAMILIES = "actuation contact environment friction masses sensing servos structure transmission"
+CATALOGUE = of("effects", "__init__ base drives gears law_inputs native priors sites touching typical") + of(
+    "effects/families", FAMILIES
 )
-SHARED = ["__init__", *TABLES, "recordings", "concealed/__init__", "concealed/archive", "concealed/rows"]
-RIGS = ["support/quiet"] + [
-    f"concealed/{name}"
-    for name in "crowd rig rigs planar robots planting plants strangers truth world at_bodies at_joints at_signals".split()
-]
-GRADING = "campaigns challenge crowded detect draw drawing grading motions places plan referee seal sizing split twins"
-CASE = (
-    "__init__ angles arrays case channels checks compiling errors exchanged kinds kinematics lerobot load "
-    "misreadings model motion physics plausible quaternions readers ros rows runs sensor_ties sensors servo_ties "
-    "sources start texts ties timebase units"
+SHARED = ["__init__", *TABLES, "recordings", *of("benchmark", "archive jsonl")]
+ROBOTS = ["support/mujoco_setup", "benchmark/truth", *of("benchmark/rigs", "planar registry rig robots")]
+ROBOTS += of(
+    "benchmark/planting",
+    "bodies contacts crowd ground_truth joints out_of_catalogue plant planted_effects servos signals",
 )
-READ = ["__init__", "support/complaints", "recordings", "support/units", *(f"cases/{name}" for name in CASE.split())]
-FORWARD = "added_forces horizon inputs model_pool nonsmooth servo_steps simulator starts windows".split()
-SMOOTHER = (
-    "commands filtering inverse kalman lateness laws levels linear parameters prepare refinement response rubbing smoother "
-    "states step stretches track"
-).split()
-PROOF = [
-    "support/quiet",
-    "deciding",
-    "recordings",
-    "support/units",
-    "support/visuals",
-    "diagnosis/freed",
-    "diagnosis/proof",
-]
-PROOF += [f"simulation/{name}" for name in FORWARD] + [f"smoothing/{name}" for name in SMOOTHER]
-PROOF += [f"effects/{name}" for name in EFFECTS.split() if name != "classes"]
-FINDING = [*PROOF, "smoothing/candidates", "smoothing/columns", "smoothing/simulated", "effects/classes"]
-FINDING += [
-    f"selection/{name}" for name in "begin drives exchange forward leftover limits options regression search".split()
-]
-SEEING = "diagnosed judging motion motions sight suspects wording".split()
-FINDING += [f"identifiability/{name}" for name in SEEING]
-FINDING += [f"diagnosis/{name}" for name in "findings notes pipeline remainder wording".split()]
-DESIGNING = [f"experiments/{name}" for name in "described design limits separation".split()]
-APART = ("diagnosis", "selection", "identifiability", "effects/classes")
+DRAWING = of("benchmark", "generator plan seal site_equivalence") + ["benchmark/planting/confusable_pairs"]
+DRAWING += of(
+    "benchmark/drawing",
+    "campaigns crowded_case detectability draw_case effect_size ingredients motions separable tangents",
+)
+READ = ["__init__", "support/schema_errors", "recordings", "support/channel_units"]
+READ += of(
+    "cases",
+    "__init__ added_sensors angles case case_file channels enums errors initial_state quaternions raw_runs resampling row_order runs units",
+)
+READ += of("cases/models", "compiling naive plausible")
+READ += of("cases/readers", "arrays arrow_tables columns files lerobot ros texts")
+READ += of(
+    "cases/consistency",
+    "balance checks columns_alone dynamics exchanged kinematics measured_motion misreadings sensor_ties servo_ties silent_columns ties",
+)
+PROOF = ["deciding", "recordings", *of("support", "channel_units mujoco_setup visual_meshes"), *CATALOGUE]
+PROOF += of("diagnosis", "freed_model held_out")
+PROOF += of(
+    "simulation",
+    "added_forces compiled horizon hypothesis inputs model_pool nonsmooth servo_steps simulator state_guess window_fit windows",
+)
+PROOF += of("smoothing", "noise_levels parameters prepare servo_lag smoother states step stretches time_step")
+PROOF += of(
+    "smoothing/dynamics",
+    "body_inertia dry_friction inverse laws linear plain_motors response sampled_commands side_by_side track",
+)
+PROOF += of("smoothing/filter", "by_run kalman")
+FINDING = [*PROOF, *of("smoothing", "candidates columns simulated_laws"), "effects/classes"]
+FINDING += of(
+    "selection",
+    "forward one_round options refit_start regression search_scope servo_drives substitutes unnamed_rest",
+)
+FINDING += of(
+    "diagnosis/identifiability",
+    "advice blind_spots judging motion_model proposed_motions quick_look sentences suspects",
+)
+FINDING += of("diagnosis", "notes pipeline remainder") + of("diagnosis/wording", "certainty verdict")
+DESIGNING = of("diagnosis/experiments", "design_space next_experiment predicted_separation separating")
+APART = ("diagnosis", "selection", "effects/classes")
 FORCED = [name for name in FINDING if not name.startswith(APART)]
-FORCED += ["diagnosis/proof", "selection/forced", "selection/regression"]
-RIVALS = [f"comparators/{name}" for name in "random_features free_parameters toolboxes".split()]
-EXPORT = [f"export/{name}" for name in "callback mjcf model player replay".split()]
+FORCED += ["diagnosis/held_out", *of("selection", "forced regression")]
+RIVALS = of("benchmark/comparators", "free_parameters random_features toolboxes")
+EXPORT = of("export", "callback improved_model mjcf replay runtime_template")
+PICTURES = of("report/plotting", "gif scene stroboscopic style")
 STAGES = {
     "compile": MODEL,
     "trial": TRIAL,
     "reach": [*TRIAL, "paper/reach"],
     "plans": [*TRIAL, "paper/reach", "paper/plans"],
-    "forces": ["__init__", *TABLES, "plotting/style", "paper/figures/forces"],
+    "forces": ["__init__", *TABLES, "report/plotting/style", "paper/figures/forces"],
     "tables": TABLES,
     "summary": [*TABLES, "paper/measures", "paper/summary"],
-    "figures": [*TABLES, "paper/measures", "paper/summary", "plotting/style"]
-    + ["paper/figures/curve", "paper/figures/panels"],
-    "conceal": [
-        *SHARED,
-        *RIGS,
-        *(
-            f"concealed/{name}"
-            for name in "campaigns crowded detect draw drawing motions places plan referee seal sizing split twins".split()
-        ),
-    ],
-    "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "experiments/resolve", "concealed/blind"],
-    "peers": [*SHARED, *FORCED, "diagnosis/freed", *RIVALS, "concealed/peers"],
-    "enter": [*SHARED, *PROOF, *RIVALS, "concealed/entered"],
-    "grade": [*SHARED, *RIGS, "recordings", *(f"effects/{name}" for name in EFFECTS.split() if name != "classes")]
-    + [f"concealed/{name}" for name in GRADING.split()],
-    "score": [*SHARED, *FORCED, *RIGS] + [f"concealed/{name}" for name in "grading oracle places score seal".split()],
-    "measures": ["__init__", *TABLES, *(f"concealed/{n}" for n in "__init__ lines measures strata".split())],
-    "pictures": [
-        "__init__",
-        "plotting/style",
-        *(f"concealed/{n}" for n in "__init__ lines measures confusion figures".split()),
-    ],
-    "examples": ["__init__", "paper/systems/__init__", "paper/systems/base"]
-    + [f"paper/mjx/{name}" for name in "runtime engine sensors".split()]
-    + [f"plotting/{name}" for name in "style scene stroboscopic gif".split()]
-    + ["paper/figures/replay", "paper/figures/examples"],
-    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, *TABLES, "effects/fields", "effects/own"]
-    + [f"plotting/{name}" for name in "style scene stroboscopic gif".split()]
-    + [f"report/{name}" for name in "contents experiment figures film look motion numbers page".split()]
-    + ["diagnosis/track_record", "commands/diagnose_recording"],
-    "compare_recording": [*READ, *PROOF, *RIVALS, *TABLES, "commands/compare_recording"],
-    "recordings_summary": ["__init__", *TABLES, "commands/rig_summary"],
+    "figures": [*TABLES, "report/plotting/style", *of("paper", "measures summary figures/curve figures/panels")],
+    "conceal": [*SHARED, *ROBOTS, *DRAWING],
+    "diagnose": [*SHARED, *FINDING, *DESIGNING, *EXPORT, "diagnosis/experiments/resolve", "benchmark/contestant"],
+    "peers": [*SHARED, *FORCED, "diagnosis/freed_model", *RIVALS, "benchmark/comparators/concealed_cases"],
+    "enter": [*SHARED, *PROOF, *RIVALS, "benchmark/comparators/entered_tools"],
+    "grade": [*SHARED, *ROBOTS, *DRAWING, *CATALOGUE, "benchmark/challenge", "benchmark/grading/answers"],
+    "score": [*SHARED, *FORCED, *ROBOTS, *of("benchmark", "seal site_equivalence")]
+    + of("benchmark/grading", "answers oracle score"),
+    "measures": ["__init__", *TABLES, *of("benchmark/grading", "case_table claim claim_costs claim_lines strata")],
+    "pictures": ["__init__", "report/plotting/style"]
+    + of("benchmark/grading", "case_table claim claim_costs claim_lines confusion pictures"),
+    "examples": [*MODEL[:3], *of("paper/mjx", "engine runtime sensors"), *PICTURES]
+    + of("paper/figures", "examples replay"),
+    "diagnose_recording": [*READ, *FINDING, *DESIGNING, *EXPORT, *TABLES, *PICTURES]
+    + of("report", "contents experiment_picture figures film look numbers page poses")
+    + ["effects/fields", "effects/plugins", "diagnosis/track_record", "api/commands/diagnose_recording"],
+    "compare_recording": [*READ, *PROOF, *RIVALS, *TABLES, "benchmark/comparators/compare_recording"],
+    "recordings_summary": ["__init__", *TABLES, "benchmark/comparators/rig_summary"],
 }
 
 
@@ -242,7 +245,7 @@ def everything():
 
 def planting():
     """Package files, and MJCF of the rigs, on which the robots depend."""
-    return code("conceal") + [f"src/fimpact/concealed/{rig}.xml" for rig in BENCHMARK["rigs"]]
+    return code("conceal") + [f"src/fimpact/benchmark/rigs/{rig}.xml" for rig in BENCHMARK["rigs"]]
 
 
 def part_of_cases(wildcards):

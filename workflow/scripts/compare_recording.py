@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from fimpact.benchmark.comparators.compare_recording import compare_recording
 from fimpact.cases import read_case
-from fimpact.commands.compare_recording import compare_recording
 from fimpact.support import tables
 from fimpact.support.progress import logged
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.paper.mjx.programs import compile_programs
+from fimpact.paper.information.programs import compile_programs
 from fimpact.paper.systems import make_system
 from fimpact.support.progress import logged
 

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.concealed.plan import plan
-from fimpact.concealed.referee import conceal
-from fimpact.concealed.rows import as_lines
-from fimpact.support import drafts
+from fimpact.benchmark.generator import conceal
+from fimpact.benchmark.jsonl import as_lines
+from fimpact.benchmark.plan import plan
+from fimpact.support import atomic_files
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -17,4 +17,4 @@ params, output = snakemake.params, snakemake.output
 with logged(snakemake.log[0]) as progress:
     cases = [case for case in plan(params.settings) if case.name in params.cases]
     rows = conceal(cases, params.settings, Path(output.recordings), Path(output.sealed), progress)
-    drafts.write_text(as_lines(rows), output.made)
+    atomic_files.write_text(as_lines(rows), output.made)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact.concealed.score import gather
+from fimpact.benchmark.grading.score import gather
 from fimpact.support import tables
 from fimpact.support.progress import logged
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact.concealed.grading import gather_entered
+from fimpact.benchmark.grading.answers import gather_entered
 from fimpact.support import tables
 from fimpact.support.progress import logged
 

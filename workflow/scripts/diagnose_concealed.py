@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.concealed.blind import diagnose_part
-from fimpact.concealed.rows import as_lines
-from fimpact.support import drafts, tables
+from fimpact.benchmark.contestant import diagnose_part
+from fimpact.benchmark.jsonl import as_lines
+from fimpact.support import atomic_files, tables
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -14,4 +14,4 @@ if TYPE_CHECKING:
 with logged(snakemake.log[0]) as progress:
     rows, commands = diagnose_part(Path(snakemake.input.recordings), progress)
     tables.write_arrays(commands, snakemake.output.commands)
-    drafts.write_text(as_lines(rows), snakemake.output.diagnoses)
+    atomic_files.write_text(as_lines(rows), snakemake.output.diagnoses)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.commands.diagnose_recording import diagnose_recording
+from fimpact.api.commands.diagnose_recording import diagnose_recording
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.concealed.entered import enter_part
-from fimpact.concealed.rows import as_lines
-from fimpact.support import drafts
+from fimpact.benchmark.comparators.entered_tools import enter_part
+from fimpact.benchmark.jsonl import as_lines
+from fimpact.support import atomic_files
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -13,4 +13,4 @@ if TYPE_CHECKING:
 
 with logged(snakemake.log[0]) as progress:
     rows = enter_part(Path(snakemake.input.recordings), snakemake.params.entered, progress)
-    drafts.write_text(as_lines(rows), snakemake.output[0])
+    atomic_files.write_text(as_lines(rows), snakemake.output[0])

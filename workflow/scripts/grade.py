@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.concealed.challenge import grade_entered
-from fimpact.concealed.rows import as_lines
-from fimpact.support import drafts
+from fimpact.benchmark.challenge import grade_entered
+from fimpact.benchmark.jsonl import as_lines
+from fimpact.support import atomic_files
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -15,4 +15,4 @@ files = snakemake.input
 
 with logged(snakemake.log[0]):
     rows = grade_entered(Path(files.entries), Path(files.recordings), Path(files.sealed))
-    drafts.write_text(as_lines(rows), snakemake.output[0])
+    atomic_files.write_text(as_lines(rows), snakemake.output[0])

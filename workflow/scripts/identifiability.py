@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from fimpact.paper.reach import run_identifiability
-from fimpact.support import drafts
+from fimpact.support import atomic_files
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -11,4 +11,4 @@ if TYPE_CHECKING:
 
 with logged(snakemake.log[0]):
     text = run_identifiability(snakemake.params.config, snakemake.wildcards.system)
-    drafts.write_text(text, snakemake.output[0])
+    atomic_files.write_text(text, snakemake.output[0])

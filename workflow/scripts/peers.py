@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.concealed.peers import compare_part
-from fimpact.concealed.rows import as_lines
-from fimpact.support import drafts
+from fimpact.benchmark.comparators.concealed_cases import compare_part
+from fimpact.benchmark.jsonl import as_lines
+from fimpact.support import atomic_files
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -14,4 +14,4 @@ if TYPE_CHECKING:
 with logged(snakemake.log[0]) as progress:
     params = snakemake.params
     rows = compare_part(Path(snakemake.input.recordings), params.compared, params.refitted, progress)
-    drafts.write_text(as_lines(rows), snakemake.output[0])
+    atomic_files.write_text(as_lines(rows), snakemake.output[0])

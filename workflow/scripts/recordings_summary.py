@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from fimpact.commands import rig_summary
-from fimpact.support import drafts, tables
+from fimpact.benchmark.comparators import rig_summary
+from fimpact.support import atomic_files, tables
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -16,4 +16,4 @@ with logged(snakemake.log[0]):
     summary = rig_summary.summarise(dict(zip(rigs, files.diagnoses, strict=True)), compared)
     tables.write(summary, output.summary)
     tables.write(rig_summary.gather(compared), output.peers)
-    drafts.write_text(rig_summary.to_markdown(summary), output.text)
+    atomic_files.write_text(rig_summary.to_markdown(summary), output.text)

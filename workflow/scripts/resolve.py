@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fimpact.concealed.blind import resolve_part
-from fimpact.concealed.rows import as_lines
-from fimpact.support import drafts
+from fimpact.benchmark.contestant import resolve_part
+from fimpact.benchmark.jsonl import as_lines
+from fimpact.support import atomic_files
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -17,4 +17,4 @@ files = snakemake.input
 
 with logged(snakemake.log[0]) as progress, np.load(files.commands) as commands, np.load(files.revealed) as played:
     rows = resolve_part(Path(files.recordings), files.diagnoses, dict(commands), dict(played), progress)
-    drafts.write_text(as_lines(rows), snakemake.output[0])
+    atomic_files.write_text(as_lines(rows), snakemake.output[0])

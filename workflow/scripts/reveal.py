@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fimpact.concealed.referee import reveal
+from fimpact.benchmark.generator import reveal
 from fimpact.support import tables
 from fimpact.support.progress import logged
 

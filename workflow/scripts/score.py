@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fimpact.concealed.rows import as_lines
-from fimpact.concealed.score import score_part
-from fimpact.support import drafts
+from fimpact.benchmark.grading.score import score_part
+from fimpact.benchmark.jsonl import as_lines
+from fimpact.support import atomic_files
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -16,4 +16,4 @@ files = snakemake.input
 with logged(snakemake.log[0]) as progress:
     told = {stage: Path(files[stage]) for stage in ("conceal", "diagnosis", "resolved", "peers")}
     rows = score_part(Path(files.recordings), Path(files.sealed), told, snakemake.params.entered, progress)
-    drafts.write_text(as_lines(rows), snakemake.output[0])
+    atomic_files.write_text(as_lines(rows), snakemake.output[0])

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from fimpact.paper import summary
-from fimpact.support import drafts, tables
+from fimpact.support import atomic_files, tables
 from fimpact.support.progress import logged
 
 if TYPE_CHECKING:
@@ -19,4 +19,4 @@ with logged(snakemake.log[0]):
     tables.write(table, output.summary)
     tables.write(coverage, output.coverage)
     tables.write(summary.reduction_curve(tables.read(files.sweep)), output.curve)
-    drafts.write_text(summary.to_markdown(table) + "\n" + summary.coverage_to_markdown(coverage), output.text)
+    atomic_files.write_text(summary.to_markdown(table) + "\n" + summary.coverage_to_markdown(coverage), output.text)

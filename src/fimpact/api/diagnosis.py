@@ -17,13 +17,13 @@ from fimpact import recordings
 from fimpact.api.options import chosen_family
 from fimpact.api.pictures import drawn
 from fimpact.diagnosis import pipeline
+from fimpact.diagnosis.experiments.next_experiment import next_experiment
 from fimpact.diagnosis.remainder import dof_name
-from fimpact.effects.own import load_effects
-from fimpact.experiments.described import next_experiment
+from fimpact.effects.plugins import load_effects
 from fimpact.report.contents import describe_inputs
 from fimpact.report.figures import force, horizon, joints
 from fimpact.report.page import write_report
-from fimpact.selection.limits import Limits
+from fimpact.selection.search_scope import Limits
 
 COLUMNS = ["effect", "site", "tier", "parameter", "value", "low", "high", "unit", "why_not"]
 FORCES = ["joint", "unit", "naive", "left", "applied"]

@@ -14,10 +14,10 @@ from fimpact import recordings
 from fimpact.api.diagnosis import Diagnosis
 from fimpact.api.pictures import drawn
 from fimpact.cases.errors import CaseError
-from fimpact.experiments import described, design
-from fimpact.experiments.resolve import Resolved, remaining, stated
-from fimpact.experiments.resolve import resolve as weigh_anew
-from fimpact.report.experiment import commands as drawn_commands
+from fimpact.diagnosis.experiments import next_experiment, separating
+from fimpact.diagnosis.experiments.resolve import Resolved, stated_unknowns, surviving_names
+from fimpact.diagnosis.experiments.resolve import resolve as weigh_anew
+from fimpact.report.experiment_picture import commands as drawn_commands
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Experiment:
     """
 
     diagnosis: Diagnosis
-    result: design.Experiment
+    result: separating.Experiment
 
     @cached_property
     def _described(self) -> dict[str, Any]:
-        return described.described(self.diagnosis.result, self.result)
+        return next_experiment.described(self.diagnosis.result, self.result)
 
     @property
     def seconds(self) -> float:
@@ -51,7 +51,7 @@ class Experiment:
     @cached_property
     def start(self) -> pd.DataFrame:
         """The state to start from: quantity ("qpos" or "qvel"), of, value in units of the MJCF."""
-        return described.start_table(self.diagnosis.result.simulator.base, self.result)
+        return next_experiment.start_table(self.diagnosis.result.simulator.base, self.result)
 
     @cached_property
     def pairs(self) -> pd.DataFrame:
@@ -66,7 +66,7 @@ class Experiment:
     def save(self, folder: str | Path) -> None:
         """Write experiment.csv and experiment-start.csv to a folder, which is made."""
         Path(folder).mkdir(parents=True, exist_ok=True)
-        described.write_experiment(self.diagnosis.result, self.result, Path(folder))
+        next_experiment.write_experiment(self.diagnosis.result, self.result, Path(folder))
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def design_experiment(diagnosis: Diagnosis) -> Experiment | None:
     Returns:
         None where it leaves one name, or none.
     """
-    found = described.next_experiment(diagnosis.result)
+    found = next_experiment.next_experiment(diagnosis.result)
     return None if found is None else Experiment(diagnosis, found)
 
 
@@ -112,8 +112,10 @@ def resolve(
     added = _added(known, recording)
     if len(diagnosis.data["members"]) < 2:
         return _resolution([], [diagnosis.answer])
-    ranked = weigh_anew(known, added, diagnosis.data["members"], stated(known, diagnosis.data), progress or _silent)
-    return _resolution(ranked, remaining(ranked))
+    ranked = weigh_anew(
+        known, added, diagnosis.data["members"], stated_unknowns(known, diagnosis.data), progress or _silent
+    )
+    return _resolution(ranked, surviving_names(ranked))
 
 
 def _added(known: recordings.Recording, recording: recordings.Recording) -> list[recordings.Run]:

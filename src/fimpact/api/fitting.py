@@ -8,7 +8,7 @@ from html import escape
 import pandas as pd
 
 from fimpact import recordings
-from fimpact.commands.fit_recording import Insisted, fit_effects, in_lines
+from fimpact.api.commands.fit_recording import Insisted, fit_effects, in_lines
 
 COLUMNS = ["name", "of", "unit", "before", "naive", "after", "low", "high"]
 

@@ -9,7 +9,8 @@ import pandas as pd
 import pyarrow as pa
 
 from fimpact.cases.errors import CaseError
-from fimpact.cases.readers import Table, arrow
+from fimpact.cases.readers.arrow_tables import arrow
+from fimpact.cases.readers.columns import Table
 
 Entry = tuple[str, str] | Mapping[str, Any]  # a column and its unit, or all keys that a case allows
 Frames = pd.DataFrame | Mapping[str, pd.DataFrame] | Sequence[pd.DataFrame]

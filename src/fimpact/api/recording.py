@@ -14,8 +14,8 @@ from fimpact import recordings
 from fimpact.api.frames import Entry, Frames, as_entry, as_runs, as_time
 from fimpact.cases.case import files_read, inputs, recording_of
 from fimpact.cases.case import read_case as read_file
+from fimpact.cases.case_file import load_mapping
 from fimpact.cases.errors import CaseError
-from fimpact.cases.load import load_mapping
 from fimpact.report.contents import describe_inputs
 
 

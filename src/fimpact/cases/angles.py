@@ -3,7 +3,7 @@
 import numpy as np
 
 from fimpact.cases.channels import Channel
-from fimpact.cases.timebase import Series
+from fimpact.cases.resampling import Series
 
 TURN = 2 * np.pi
 JUMP = 0.8 * TURN  # between two samples; a joint this quick would turn on, and leave the range of one turn

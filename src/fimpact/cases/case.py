@@ -7,18 +7,19 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from fimpact.cases import initial_state as starts
 from fimpact.cases import quaternions
-from fimpact.cases import start as starts
+from fimpact.cases.added_sensors import place_sensors
+from fimpact.cases.case_file import bases, load
 from fimpact.cases.channels import Channel, channels, commands
-from fimpact.cases.checks import check_columns, check_recording, check_rows, check_sources, fewest
-from fimpact.cases.compiling import compiled
+from fimpact.cases.consistency.checks import check_columns, check_recording, check_rows, check_sources, fewest
 from fimpact.cases.errors import CaseError, listed
-from fimpact.cases.load import bases, load
-from fimpact.cases.model import Naive, model_files, read_model
-from fimpact.cases.readers import Table, files_of
-from fimpact.cases.runs import Sampled, filtered_noise, held_commands, pieces, sample
-from fimpact.cases.sensors import place_sensors
-from fimpact.cases.sources import file_paths, sources
+from fimpact.cases.models.compiling import compiled
+from fimpact.cases.models.naive import Naive, model_files, read_model
+from fimpact.cases.raw_runs import file_paths, sources
+from fimpact.cases.readers.columns import Table
+from fimpact.cases.readers.files import files_of
+from fimpact.cases.runs import ResampledRun, contiguous_segments, filtered_noise, held_commands, resample
 from fimpact.cases.units import factor
 from fimpact.recordings import FIELDS, Recording, Run, Unknown
 
@@ -94,12 +95,12 @@ def _sampled(case: dict, naive: Naive, root: Path, tables: Mapping[Path, Table] 
     drives, seen = commands(naive, case.get("commands", {})), channels(naive.model, case["measurements"])
     runs = sources(case, root, tables)
     check_sources(runs)
-    sampled = [sample(run, time, case.get("nan", "error"), drives, seen, unit) for run in runs]
+    sampled = [resample(run, time, case.get("nan", "error"), drives, seen, unit) for run in runs]
     check_rows(runs, [*(one.column for one in drives), *(column for one in seen for column in one.columns)])
     return sampled, drives, seen
 
 
-def _period(case: dict, naive: Naive, sampled: list[Sampled]) -> float:
+def _period(case: dict, naive: Naive, sampled: list[ResampledRun]) -> float:
     """The period of the grid, s: as declared, or that of the fastest channel; a whole number of simulation steps."""
     fastest = float(np.median([run.period for run in sampled]))
     wanted = 1 / case["rate"] if "rate" in case else fastest
@@ -116,7 +117,7 @@ def _steps(period: float, model: mujoco.MjModel) -> int:
 
 
 def _recording(
-    case: dict, naive: Naive, seen: list[Channel], drives, sampled: list[Sampled], period: float
+    case: dict, naive: Naive, seen: list[Channel], drives, sampled: list[ResampledRun], period: float
 ) -> Recording:
     naive.tree.append(_option(period / _steps(period, naive.model)))
     names = tuple(name for channel in seen for name in channel.names)
@@ -146,14 +147,14 @@ def _option(timestep: float):
     return ElementTree.Element("option", {"timestep": f"{timestep!r}"})
 
 
-def _runs(sampled: Sampled, model: mujoco.MjModel, seen, drives, period: float, start: dict, least: int):
+def _runs(sampled: ResampledRun, model: mujoco.MjModel, seen, drives, period: float, start: dict, least: int):
     state = start | starts.checked(model, sampled.source.state, f"{sampled.source.where}.state")
-    for name, opens, low, measured in pieces(sampled, period, least):
+    for name, opens, low, measured in contiguous_segments(sampled, period, least):
         measured = quaternions.unit(measured, seen, sampled.source.where)
         ctrl = held_commands(sampled, drives, low, period, len(measured))
         given = state if opens else {}
         measured = starts.as_model(model, seen, measured, period, given)
-        qpos, qvel = starts.believed(model, seen, measured, period, given)
+        qpos, qvel = starts.estimated_start(model, seen, measured, period, given)
         yield Run(name, ctrl, measured, sampled.source.held_out, qpos, qvel, opens)
 
 

@@ -6,30 +6,30 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fimpact.cases import kinds
+from fimpact.cases import enums
 from fimpact.cases.errors import CaseError, one_of
-from fimpact.cases.model import Naive
+from fimpact.cases.models.naive import Naive
 from fimpact.cases.units import factor
 
 UNITS = {
-    kinds.FRAMEPOS: "m",
-    kinds.FRAMEQUAT: "1",
-    kinds.BALLQUAT: "1",
-    kinds.FRAMELINVEL: "m/s",
-    kinds.FRAMEANGVEL: "rad/s",
-    kinds.VELOCIMETER: "m/s",
-    kinds.GYRO: "rad/s",
-    kinds.ACCELEROMETER: "m/s^2",
-    kinds.FORCE: "N",
-    kinds.TORQUE: "N m",
-    kinds.TOUCH: "N",
-    kinds.FRAMELINACC: "m/s^2",
-    kinds.FRAMEANGACC: "rad/s^2",
-    kinds.BALLANGVEL: "rad/s",
-    kinds.RANGEFINDER: "m",
-    kinds.SUBTREECOM: "m",
-    kinds.SUBTREELINVEL: "m/s",
-    kinds.CLOCK: "s",
+    enums.FRAMEPOS: "m",
+    enums.FRAMEQUAT: "1",
+    enums.BALLQUAT: "1",
+    enums.FRAMELINVEL: "m/s",
+    enums.FRAMEANGVEL: "rad/s",
+    enums.VELOCIMETER: "m/s",
+    enums.GYRO: "rad/s",
+    enums.ACCELEROMETER: "m/s^2",
+    enums.FORCE: "N",
+    enums.TORQUE: "N m",
+    enums.TOUCH: "N",
+    enums.FRAMELINACC: "m/s^2",
+    enums.FRAMEANGACC: "rad/s^2",
+    enums.BALLANGVEL: "rad/s",
+    enums.RANGEFINDER: "m",
+    enums.SUBTREECOM: "m",
+    enums.SUBTREELINVEL: "m/s",
+    enums.CLOCK: "s",
 }
 
 
@@ -119,7 +119,7 @@ def _channel(model: mujoco.MjModel, key: str, entry: dict, where: str) -> Channe
         )
     type_ = int(sensor.type[0])
     unit, joint = sensor_unit(model, key)
-    if (ends := span(entry["unit"])) and type_ == kinds.JOINTPOS:
+    if (ends := span(entry["unit"])) and type_ == enums.JOINTPOS:
         limits, limited = model.joint(joint).range, bool(model.jnt_limited[model.joint(joint).id])
         scale, offset = _within(entry, ends, limits, limited, where, f"the range of joint '{joint}'")
     else:
@@ -130,7 +130,7 @@ def _channel(model: mujoco.MjModel, key: str, entry: dict, where: str) -> Channe
     if not scale:
         raise CaseError(f"{where}.scale is 0; allowed: any other number, such as -1 for a reversed axis; correct it")
     noise = abs(scale) * entry.get("noise", np.nan)
-    turns = type_ == kinds.JOINTPOS and unit == "rad"
+    turns = type_ == enums.JOINTPOS and unit == "rad"
     return Channel(key, tuple(columns), scale, offset, noise, entry.get("time"), type_, joint, turns)
 
 
@@ -139,26 +139,26 @@ def sensor_unit(model: mujoco.MjModel, name: str) -> tuple[str | None, str]:
     is, or ""."""
     sensor = model.sensor(name)
     type_ = int(sensor.type[0])
-    if type_ in (kinds.JOINTPOS, kinds.JOINTVEL):
+    if type_ in (enums.JOINTPOS, enums.JOINTVEL):
         joint = model.joint(sensor.objid[0])
-        length = "m" if joint.type[0] == kinds.SLIDE else "rad"
-        return (length if type_ == kinds.JOINTPOS else f"{length}/s"), joint.name
+        length = "m" if joint.type[0] == enums.SLIDE else "rad"
+        return (length if type_ == enums.JOINTPOS else f"{length}/s"), joint.name
     return UNITS.get(type_, _acting_unit(model, sensor, type_)), ""
 
 
 def _acting_unit(model: mujoco.MjModel, sensor, type_: int) -> str | None:
     """Unit of a sensor of what acts on a joint or of an actuator at one; None: of no such sensor."""
-    if type_ == kinds.JOINTACTFRC:
+    if type_ == enums.JOINTACTFRC:
         joint = model.joint(sensor.objid[0])
-    elif type_ in (kinds.ACTPOS, kinds.ACTVEL, kinds.ACTFRC):
+    elif type_ in (enums.ACTPOS, enums.ACTVEL, enums.ACTFRC):
         actuator = model.actuator(sensor.objid[0])
-        if actuator.trntype[0] not in kinds.AT_JOINT:
+        if actuator.trntype[0] not in enums.AT_JOINT:
             return None
         joint = model.joint(actuator.trnid[0])
     else:
         return None
-    length, force = ("m", "N") if joint.type[0] == kinds.SLIDE else ("rad", "N m")
-    return {kinds.ACTPOS: length, kinds.ACTVEL: f"{length}/s"}.get(type_, force)
+    length, force = ("m", "N") if joint.type[0] == enums.SLIDE else ("rad", "N m")
+    return {enums.ACTPOS: length, enums.ACTVEL: f"{length}/s"}.get(type_, force)
 
 
 def commands(naive: Naive, table: dict) -> list[Command]:
@@ -225,11 +225,11 @@ def _before_gear(meaning: str, ratio: float, gear: float) -> float:
 def ctrl_unit(model: mujoco.MjModel, name: str) -> str | None:
     """Unit of an actuator's control as its MJCF implies, or None where it does not."""
     actuator = model.actuator(name)
-    if actuator.trntype[0] not in kinds.AT_JOINT:
+    if actuator.trntype[0] not in enums.AT_JOINT:
         return None
-    slide = model.joint(actuator.trnid[0]).type[0] == kinds.SLIDE
+    slide = model.joint(actuator.trnid[0]).type[0] == enums.SLIDE
     gain, bias = actuator.gainprm[0], actuator.biasprm
-    if actuator.biastype[0] == kinds.NO_BIAS:
+    if actuator.biastype[0] == enums.NO_BIAS:
         return None if gain != 1.0 else "N" if slide else "N m"
     if gain and gain == -bias[1]:
         return "m" if slide else "rad"

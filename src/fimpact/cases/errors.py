@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 
-from fimpact.support.complaints import among
+from fimpact.support.schema_errors import among
 
 LONG = 120  # characters of a word that is no path, beyond which its middle is left out
 
@@ -43,7 +43,7 @@ def one_of(names: Sequence[str], got: str, what: str, where: str) -> str:
     return got
 
 
-def reason(error: BaseException) -> str:
+def summarise_exception(error: BaseException) -> str:
     """An exception of a library in one short line."""
     words = " ".join(str(error).split()) or type(error).__name__
     return words if len(words) <= 160 else words[:157] + "..."

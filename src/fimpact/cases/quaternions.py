@@ -6,9 +6,9 @@ from typing import TypeGuard
 import numpy as np
 
 from fimpact.cases.channels import Channel
+from fimpact.cases.enums import BALLQUAT, FRAMEQUAT
 from fimpact.cases.errors import CaseError
-from fimpact.cases.kinds import BALLQUAT, FRAMEQUAT
-from fimpact.cases.timebase import Series
+from fimpact.cases.resampling import Series
 
 OFF = 0.02  # that a quaternion may be longer or shorter than 1, by rounding
 
@@ -23,7 +23,7 @@ def quaternions(channels: list[Channel]) -> Iterator[tuple[Channel, slice]]:
             yield channel, place
 
 
-def whole(seen: list[Series | None], channels: list[Channel], nan: str, where: str) -> list[Series | None]:
+def drop_invalid(seen: list[Series | None], channels: list[Channel], nan: str, where: str) -> list[Series | None]:
     """The series of all columns, (ny), without the rows in which an orientation is none, as 0 0 0 0 is.
 
     Raises:
@@ -54,14 +54,14 @@ def _same_times(own: list[Series | None]) -> TypeGuard[list[Series]]:
     return len(known) == len(own) and all(np.array_equal(known[0].time, one.time) for one in known)
 
 
-def one_sign(seen: list[Series | None], channels: list[Channel]) -> list[Series | None]:
+def continuous_sign(seen: list[Series | None], channels: list[Channel]) -> list[Series | None]:
     """The series of all columns, (ny), with orientations free of jumps of sign: between two samples such a jump would
     pass for half a turn."""
     out = list(seen)
     for _, place in quaternions(channels):
         own = seen[place]
         if _same_times(own):
-            sign = _continuing(np.column_stack([one.value for one in own]))
+            sign = _sign_flips(np.column_stack([one.value for one in own]))
             out[place] = [Series(one.time, sign * one.value) for one in own]
     return out
 
@@ -87,11 +87,11 @@ def _unit(quats: np.ndarray, where: str) -> np.ndarray:
         raise CaseError(f"{where}: quaternions have length {np.median(length):.4g}, not 1; list the columns w, x, y, z")
     units = quats[known] / np.maximum(length, 1e-9)[:, None]
     out = quats.copy()
-    out[known] = units * _continuing(units)[:, None]
+    out[known] = units * _sign_flips(units)[:, None]
     return out
 
 
-def _continuing(quats: np.ndarray) -> np.ndarray:
+def _sign_flips(quats: np.ndarray) -> np.ndarray:
     """Signs (n,) that make each of `quats` (n, 4) the nearer of the two that mean its rotation."""
     flips = np.sum(quats[1:] * quats[:-1], axis=1) < 0
     return np.cumprod(np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]))[: len(quats)]

@@ -8,11 +8,20 @@ import numpy as np
 from fimpact.cases.angles import unwrapped
 from fimpact.cases.channels import Channel, Command
 from fimpact.cases.errors import CaseError
-from fimpact.cases.quaternions import one_sign, whole
-from fimpact.cases.readers import Column
-from fimpact.cases.rows import ordered, refreshed
-from fimpact.cases.sources import Source, find, is_number
-from fimpact.cases.timebase import GAP, HELD, Series, checked_time, held, noise_factor, on_grid, stretches
+from fimpact.cases.quaternions import continuous_sign, drop_invalid
+from fimpact.cases.raw_runs import Source, find, is_number
+from fimpact.cases.readers.columns import Column
+from fimpact.cases.resampling import (
+    GAP,
+    HELD,
+    Series,
+    checked_time,
+    noise_factor,
+    on_grid,
+    valid_intervals,
+    zero_order_hold,
+)
+from fimpact.cases.row_order import ordered, refreshed
 from fimpact.cases.units import factor
 
 FEWEST = 8  # samples of a run
@@ -21,7 +30,7 @@ PERIODS = (1e-7, 100.0)  # s between samples
 
 
 @dataclass(frozen=True)
-class Sampled:
+class ResampledRun:
     """Series of one run: of each command (nu) and of each component of each channel (ny; None where it has none).
 
     notes: about how it was read. period: of the rows of the quickest channel, s, whether or not they were read anew:
@@ -35,9 +44,9 @@ class Sampled:
     period: float = 0.0
 
 
-def sample(
+def resample(
     source: Source, time: dict, nan: str, commands: list[Command], channels: list[Channel], unit: float
-) -> Sampled:
+) -> ResampledRun:
     """The series of a run in SI units, cut to its start and stop.
 
     Args:
@@ -55,14 +64,14 @@ def sample(
     seen = [read.series(column, c.time, c.factor, c.offset, c.sensor) for c in channels for column in c.columns]
     if not any(seen):
         raise CaseError(f"{source.where} holds no measured value at all; correct the columns or remove the run")
-    seen = unwrapped(one_sign(whole(seen, channels, nan, source.where), channels), channels)
+    seen = unwrapped(continuous_sign(drop_invalid(seen, channels, nan, source.where), channels), channels)
     known = [*ctrl, *filter(None, seen)]
     origin = min(one.time[0] for one in known)
     low, high = origin + source.start, origin + source.stop
     cut = [one and _cut(one, low, high, source.where) for one in (*ctrl, *seen)]
     fresh, notes = _refreshed(channels, cut[len(ctrl) :])
     period = min(one.period for one in cut[len(ctrl) :] if one)
-    return Sampled(source, cut[: len(ctrl)], fresh, notes, period)
+    return ResampledRun(source, cut[: len(ctrl)], fresh, notes, period)
 
 
 def _refreshed(channels: list[Channel], seen: list[Series | None]):
@@ -188,7 +197,7 @@ def _not_mostly_gaps(series: Series, here: str) -> Series:
     return series
 
 
-def pieces(run: Sampled, period: float, least: int) -> Iterator[tuple[str, bool, float, np.ndarray]]:
+def contiguous_segments(run: ResampledRun, period: float, least: int) -> Iterator[tuple[str, bool, float, np.ndarray]]:
     """Name, whether it opens the run, start in s, and measurements (T, ny) of the parts of a run in which every command
     is known; parts of fewer than `least` samples are left out.
 
@@ -204,7 +213,7 @@ def pieces(run: Sampled, period: float, least: int) -> Iterator[tuple[str, bool,
                 f"{run.source.where}: every command is known from {start:.9g} to {stop:.9g} s only, but a measurement "
                 f"goes from {one.time[0]:.9g} to {one.time[-1]:.9g} s; all times must be of one clock; correct `time`"
             )
-    parts = [(_at_sample(run, low, period), high) for low, high in stretches(run.commands, start, stop)]
+    parts = [(_at_sample(run, low, period), high) for low, high in valid_intervals(run.commands, start, stop)]
     counts = [max(0, int((high - low) / period + 1e-6) + 1) for low, high in parts]
     if len(parts) > 1 and max(counts) < least:
         raise CaseError(
@@ -220,7 +229,7 @@ def pieces(run: Sampled, period: float, least: int) -> Iterator[tuple[str, bool,
         yield name, index == 0, low, np.column_stack(columns)
 
 
-def _at_sample(run: Sampled, low: float, period: float) -> float:
+def _at_sample(run: ResampledRun, low: float, period: float) -> float:
     """The first sample of the quickest channel from `low` on, if there is one soon: commands are averaged over any
     period, but what is measured between samples has to be interpolated."""
     quickest = min(filter(None, run.measured), key=lambda one: one.period)
@@ -228,14 +237,14 @@ def _at_sample(run: Sampled, low: float, period: float) -> float:
     return float(later[0]) if len(later) and later[0] < low + quickest.period else low
 
 
-def held_commands(run: Sampled, commands: list[Command], low: float, period: float, count: int) -> np.ndarray:
+def held_commands(run: ResampledRun, commands: list[Command], low: float, period: float, count: int) -> np.ndarray:
     """Commands (T, nu) from the time `low` on."""
     both = zip(run.commands, commands, strict=True)
-    columns = [held(one, low, period, count, command.steps) for one, command in both]
+    columns = [zero_order_hold(one, low, period, count, command.steps) for one, command in both]
     return np.column_stack(columns) if columns else np.zeros((count, 0))
 
 
-def filtered_noise(sampled: list[Sampled], column: int, noise: float, period: float) -> float:
+def filtered_noise(sampled: list[ResampledRun], column: int, noise: float, period: float) -> float:
     """The noise of a component after the anti-alias filter."""
     periods = [own.period for run in sampled if (own := run.measured[column])]
     return noise * noise_factor(period, float(np.median(periods))) if periods else noise

@@ -8,7 +8,7 @@ import re
 from functools import cache
 from math import isfinite, tau
 
-from fimpact.cases.errors import CaseError, reason
+from fimpact.cases.errors import CaseError, summarise_exception
 
 PREFIXES = {"nano": "1e-9 = n-", "micro": "1e-6 = µ- = u-", "milli": "1e-3 = m-", "centi": "1e-2 = c-"}
 PREFIXES |= {"kilo": "1e3 = k-", "mega": "1e6 = M-"}
@@ -60,7 +60,7 @@ def _quantity(text: str, where: str):
             raise ValueError(f"no unit has '{strange[0]}'")
         return _registry().Quantity(plain) if plain not in ("1", "") else _registry().Quantity(1.0, "")
     except Exception as error:
-        why = f" ({reason(error)})" if str(error) else ""
+        why = f" ({summarise_exception(error)})" if str(error) else ""
         raise CaseError(
             f"{where} is '{text}', which is not a unit{why}; allowed for example: {EXAMPLES}; "
             "declare the unit that the file uses"

@@ -6,21 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from fimpact.diagnosis.findings import NAMELESS, SLIGHT, Finding, findings, parameter_rows
-from fimpact.diagnosis.freed import fit_freed
+from fimpact.diagnosis.freed_model import fit_freed
+from fimpact.diagnosis.held_out import Proof, prove
+from fimpact.diagnosis.identifiability.blind_spots import not_shown
+from fimpact.diagnosis.identifiability.sentences import Told
 from fimpact.diagnosis.notes import notes_on
-from fimpact.diagnosis.proof import Proof, prove
 from fimpact.diagnosis.remainder import missing_rows, picture, remainder
-from fimpact.diagnosis.wording import verdict
+from fimpact.diagnosis.wording.certainty import NAMELESS, SLIGHT, Finding, findings, parameter_rows
+from fimpact.diagnosis.wording.verdict import verdict
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.identifiability.diagnosed import not_shown
-from fimpact.identifiability.wording import Told
 from fimpact.recordings import Recording
 from fimpact.selection.forward import Explanation, explain
-from fimpact.selection.limits import Limits
-from fimpact.selection.search import Round
-from fimpact.simulation.simulator import Hypothesis, Simulator
+from fimpact.selection.one_round import Round
+from fimpact.selection.search_scope import Limits
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.prepare import Prepared, prepare
 
 SCHEMA = 3
@@ -106,7 +107,7 @@ def diagnose(
     members = _members(found, answer)
     missing = answer != NONE
     words = verdict(effects, [m.name for m in members[1:]], missing, left["sentence"] if missing else "", notes)
-    rivals = {p.name for own in (found.final, *found.alternatives) for p in own.placed}
+    rivals = {p.name for own in (found.final.placed, *(a.placed for a in found.alternatives)) for p in own}
     unshown = () if brief or found.asked is None else not_shown(recording, found.asked(), rivals)
     return Diagnosis(
         recording, prepared, found, naive, best, members, effects, rows, proof, left, tuple(notes), answer, words,

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 
 from fimpact.deciding import LOUD
-from fimpact.diagnosis.proof import Proof
+from fimpact.diagnosis.held_out import Proof
 from fimpact.selection.forward import Explanation
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
 
 FOLLOWS = {
     "time": "a force that follows the time in the run",
@@ -49,7 +49,7 @@ def remainder(prepared: Prepared, found: Explanation, proof: Proof | None, brief
     unnamed = not found.final.placed and (left.dof is not None or (_stands_out(proof) and share > LOUD))
     said = []
     if left.dof is not None:
-        what = FOLLOWS.get(left.follows, f"a force that follows its {left.follows}")
+        what = FOLLOWS.get(left.follows or "", f"a force that follows its {left.follows}")
         place = rows[left.dof]["joint"]
         said.append(f"Left without a name at {place}: {what} ({left.share:.0%} of what was missing there).")
     if share > LOUD and (found.final.placed or unnamed):

@@ -5,8 +5,18 @@ An effect of one's own is a function and an `Effect` that names it; `EFFECTS[eff
 
 from difflib import get_close_matches
 
-from fimpact.effects import actuation, contact, environment, friction, masses, sensing, servos, structure, transmission
 from fimpact.effects.base import Effect
+from fimpact.effects.families import (
+    actuation,
+    contact,
+    environment,
+    friction,
+    masses,
+    sensing,
+    servos,
+    structure,
+    transmission,
+)
 
 FAMILIES = (friction, transmission, actuation, servos, masses, structure, environment, contact, sensing)
 LONGEST = 100  # letters of a name, beyond which the nearest takes long to find

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import HELD, MOTORS, State
+from fimpact.effects.law_inputs import HELD, MOTORS, State
 from fimpact.effects.sites import driven, drives
 
 
@@ -94,9 +94,10 @@ def ahead_of(state: State, site: str) -> Ahead:
         force[row] = own
         both = np.multiply.outer(_three(drive.gain)[1:], command) + _three(drive.bias)[1:, None]
         slopes[:, row] = drive.gear * both
-    gear, low, high = (np.array([[getattr(own, name)] for own in acting]) for name in ("gear", "low", "high"))
+    names = ("gear", "low", "high")
+    gear, low, high = (np.array([getattr(own, name) for own in acting]).reshape(-1, 1) for name in names)
     held = np.broadcast_to(_holding(state, motor, site), position.shape)
-    return Ahead(force, slopes, *(part.reshape(-1, 1) for part in (gear, low, high)), held, motor.low, motor.high)
+    return Ahead(force, slopes, gear, low, high, held, motor.low, motor.high)
 
 
 def driven_joints(state: State) -> list[str]:
@@ -116,7 +117,7 @@ def position_servo(state: State, site: str) -> tuple[str, Drive]:
     return known["servo", site]
 
 
-def within(values: np.ndarray, low: float, high: float) -> np.ndarray:
+def within(values: np.ndarray, low: np.ndarray | float, high: np.ndarray | float) -> np.ndarray:
     """Clip `values`, as np.clip does, which takes three times as long."""
     return np.minimum(np.maximum(values, low), high)
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import State
 from fimpact.effects.drives import ahead_of, is_servo, motor_force
+from fimpact.effects.law_inputs import State
 
 PARTS = 4  # of a step, in each of which a rotor is either loose or at one end of its play
 
@@ -25,8 +25,7 @@ class Shaft:
 
     torque (n,): the motor's over the step, N m or N. speed (n,): the link's. rotor: inertia on the motor's side, the
     joint's `armature`, kg m^2 or kg, one for all or (n,). step: s. memory: what a gear law keeps, empty at the start of
-    a window. servo: of (lead, rate), (n,) each, what the motor gives where it really is (`drives.Ahead`); None:
-    `torque`.
+    a window. servo: of (lead, rate), (n,) each, what the motor gives where it is (`drives.Ahead`); None: `torque`.
     """
 
     torque: np.ndarray
@@ -94,12 +93,12 @@ def elastic(shaft: Shaft, site: str, compliance: float, retardation: float) -> C
     none = np.zeros_like(inertia)
     if _rigid(shaft, compliance):
         return _wound(shaft, compliance, retardation)
-    found = _arrived(shaft)
+    found = _from_previous_step(shaft)
     if found is None:  # until the link's acceleration is known, the spring is wound up by what it must carry
         motor = shaft.motor(none, none)
         give = compliance / (1 + compliance * motor.stiffness)
         rest = give * motor.base
-        _leave(shaft, np.stack([rest, none]), np.stack([give * inertia, none]))
+        _store(shaft, np.stack([rest, none]), np.stack([give * inertia, none]))
         beside = motor.at(rest, none) - shaft.torque
         return Coupling(beside, inertia, (beside, inertia), rest, none)
     lead, rate = found
@@ -107,7 +106,7 @@ def elastic(shaft: Shaft, site: str, compliance: float, retardation: float) -> C
     moved, pushed = _swing_of(shaft, motor, compliance, retardation)
     end = np.stack([row[0] * lead + row[1] * rate for row in moved]) + pushed * (motor.base / shaft.rotor)
     slope = np.broadcast_to(pushed, end.shape)
-    _leave(shaft, end, slope)
+    _store(shaft, end, slope)
     carried = (lead + retardation * rate) / compliance
     pull, felt = _mean(shaft, motor, found, rate, end, slope)
     return Coupling(pull, felt, (carried - shaft.torque, none), lead, rate)
@@ -142,7 +141,7 @@ def loose(shaft: Shaft, site: str, gap: float) -> Coupling:
         lead, motor = _rest(shaft, gap)
         beside = motor.at(lead, none) - shaft.torque
         return Coupling(beside, inertia, (beside, inertia), lead, none)
-    found = _arrived(shaft)
+    found = _from_previous_step(shaft)
     if found is None:
         lead, rate = _rest(shaft, gap)[0], none
         side = np.where(np.abs(lead) < gap / 2, 0.0, np.sign(lead))
@@ -158,8 +157,8 @@ def loose(shaft: Shaft, site: str, gap: float) -> Coupling:
     free = side == 0
     at_once = np.where(free, 0.0, given) - shaft.torque, np.where(free, 0.0, shaft.rotor)
     begins = np.stack([lead, rate])
-    end, slope, shaft.memory["side"] = _through(shaft, motor, begins, side, last, gap)
-    _leave(shaft, end, slope)
+    end, slope, shaft.memory["side"] = _advance(shaft, motor, begins, side, last, gap)
+    _store(shaft, end, slope)
     pull, felt = _mean(shaft, motor, begins, begun, end, slope)
     return Coupling(pull, felt, at_once, lead, rate)
 
@@ -173,7 +172,7 @@ def _rest(shaft: Shaft, gap: float) -> tuple[np.ndarray, Servo]:
     return np.where(motor.stiffness > 0, np.clip(wanted, -gap / 2, gap / 2), np.sign(motor.base) * gap / 2), motor
 
 
-def _through(shaft: Shaft, motor: Servo, end: np.ndarray, held: np.ndarray, last: np.ndarray, gap: float):
+def _advance(shaft: Shaft, motor: Servo, end: np.ndarray, held: np.ndarray, last: np.ndarray, gap: float):
     """Lead and rate after the step where the link does not accelerate, (2, n), what they lose for each unit of its
     acceleration, (2, n), and the end of the play at which the rotor then is, 0 for none."""
     part, drive, (lead, rate) = shaft.step / PARTS, motor.base / shaft.rotor, end
@@ -198,7 +197,7 @@ def _through(shaft: Shaft, motor: Servo, end: np.ndarray, held: np.ndarray, last
     return np.stack([lead, rate]), np.stack([less, slower]), held
 
 
-def _arrived(shaft: Shaft) -> np.ndarray | None:
+def _from_previous_step(shaft: Shaft) -> np.ndarray | None:
     """Lead and rate now, (2, n), from what the step before left and how the link moved in it; None at first."""
     memory, end = shaft.memory, None
     if "end" in memory:
@@ -208,7 +207,7 @@ def _arrived(shaft: Shaft) -> np.ndarray | None:
     return end
 
 
-def _leave(shaft: Shaft, end: np.ndarray, slope: np.ndarray) -> None:
+def _store(shaft: Shaft, end: np.ndarray, slope: np.ndarray) -> None:
     shaft.memory["end"], shaft.memory["slope"] = end, slope
 
 
@@ -227,19 +226,19 @@ def _mean(shaft: Shaft, motor: Servo, begins, rate, end, slope) -> tuple[np.ndar
 
 
 def _swing_of(shaft: Shaft, motor: Servo, compliance: float, retardation: float) -> tuple[np.ndarray, np.ndarray]:
-    """`_swing` of the gear and the servo together: the same from step to step as long as the servo is."""
+    """The oscillator step of the gear and the servo together: the same from step to step as long as the servo is."""
     if "swing" in shaft.memory:
         found, held, damped = shaft.memory["swing"]
         if shaft.servo is None or (np.array_equal(held, motor.stiffness) and np.array_equal(damped, motor.damping)):
             return found
     stiffness = 1 / compliance + motor.stiffness
     retarded = (retardation / compliance + motor.damping) / stiffness
-    found = _swing(stiffness / shaft.rotor, retarded, shaft.step)
+    found = _damped_oscillator_step(stiffness / shaft.rotor, retarded, shaft.step)
     shaft.memory["swing"] = found, motor.stiffness, motor.damping
     return found
 
 
-def _swing(square: np.ndarray, retardation: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _damped_oscillator_step(square: np.ndarray, retardation: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Exact step of d'' = −square (d + retardation d') + u, (n,) each: of the state, (2, 2, n), and of u, (2, n)."""
     half = retardation * square / 2
     fast = -half - np.sqrt(half**2 - square * (1 + 1e-12j))

@@ -8,7 +8,7 @@ from textwrap import fill
 import mujoco
 import numpy as np
 
-from fimpact.cases.model import read_model
+from fimpact.cases.models.naive import read_model
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Coefficient, Effect
 from fimpact.effects.fields import SIMULATORS, fields_of

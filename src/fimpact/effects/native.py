@@ -46,7 +46,7 @@ def exact_dry_friction(model: mujoco.MjModel, dof: int) -> None:
     model.dof_solimp[dof, :2] = STIFFEST
 
 
-def settle(spec: mujoco.MjSpec) -> None:
+def write_inferred_fields(spec: mujoco.MjSpec) -> None:
     """Write into `spec` what the compiler works out from masses, the damping of servos (dampratio) and the springs of
     joints (springdamper), so that other masses leave them as they are."""
     model = spec.compile()

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from fimpact.effects.touching import can_touch, pairs_of, partners, round_geoms
+
 ALL, WORLD = "all", "world"
 DRAGS = "<-"  # between a joint and the neighbour that drags it
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-ROUND = (int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 PROPORTIONAL = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
@@ -138,7 +138,8 @@ def grounds(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     if not can_touch(model):
         return []
     fixed = np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & (model.geom_type != MESH))
-    return [model.geom(i).name for i in fixed if model.geom(i).name and (pairs_of(model, i) or partners(model, i))]
+    named = [int(i) for i in fixed if model.geom(i).name]
+    return [model.geom(i).name for i in named if pairs_of(model, i) or partners(model, i)]
 
 
 def contacts(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
@@ -221,36 +222,7 @@ def measured_by(channels: Sequence[str], site: str) -> list[int]:
 def drives(model: mujoco.MjModel, joint: str) -> list[int]:
     """Actuators of `actuators` on `joint`."""
     target = (model.actuator_trntype == ON_JOINT) & (model.actuator_trnid[:, 0] == model.joint(joint).id)
-    return [int(i) for i in np.flatnonzero(target) if _affine(model, i)]
-
-
-def can_touch(model: mujoco.MjModel) -> bool:
-    """Whether anything in it may come into contact."""
-    if model.opt.disableflags & NO_CONTACT:
-        return False
-    return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
-
-
-def pairs_of(model: mujoco.MjModel, geom: int) -> list[int]:
-    """Explicit contact pairs that contain `geom`."""
-    return np.flatnonzero((model.pair_geom1 == geom) | (model.pair_geom2 == geom)).tolist()
-
-
-def partners(model: mujoco.MjModel, geom: int) -> list[int]:
-    """Geoms on other bodies that `geom` may touch by their types, one of the two moving; where an explicit pair lists
-    both, it replaces that."""
-    listed = [i for pair in pairs_of(model, geom) for i in (model.pair_geom1[pair], model.pair_geom2[pair])]
-    meets = (model.geom_contype & model.geom_conaffinity[geom]) | (model.geom_conaffinity & model.geom_contype[geom])
-    weld = model.body_weldid[model.geom_bodyid]
-    return np.setdiff1d(np.flatnonzero((meets != 0) & (weld != weld[geom])), listed).tolist()
-
-
-def round_geoms(model: mujoco.MjModel, body: int) -> list[int]:
-    """Spheres and capsules of `body` that can touch something."""
-    if not can_touch(model):
-        return []
-    own = np.flatnonzero((model.geom_bodyid == body) & np.isin(model.geom_type, ROUND))
-    return [int(i) for i in own if pairs_of(model, i) or partners(model, i)]
+    return [i for i in map(int, np.flatnonzero(target)) if _affine(model, i)]
 
 
 def _fed_back(model, actuator: str) -> tuple[bool, bool]:
@@ -265,7 +237,7 @@ def _flies(model, joint) -> bool:
     body = model.joint(joint.id).bodyid[0]
     own = np.flatnonzero(model.jnt_bodyid == body)
     pushed = np.isin(own, model.actuator_trnid[model.actuator_trntype == ON_JOINT, 0])
-    return np.count_nonzero(model.jnt_type[own] == SLIDE) > 1 and not pushed.any()
+    return bool(np.count_nonzero(model.jnt_type[own] == SLIDE) > 1 and not pushed.any())
 
 
 def _before(model, joint: str, among: list[str]) -> str:

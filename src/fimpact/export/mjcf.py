@@ -9,13 +9,26 @@ import mujoco
 import numpy as np
 
 ASSETS = "assets"
-KEPT = ("body_", "dof_", "jnt_", "geom_", "site_", "actuator_", "pair_", "eq_", "tendon_", "qpos", "cam_", "mesh_")
+EXPORTED_FIELDS = (
+    "body_",
+    "dof_",
+    "jnt_",
+    "geom_",
+    "site_",
+    "actuator_",
+    "pair_",
+    "eq_",
+    "tendon_",
+    "qpos",
+    "cam_",
+    "mesh_",
+)
 
 
 def exact(xml: str, model: mujoco.MjModel) -> dict[str, str]:
     """Numbers of the naive MJCF and of the compiled model by the six digits that MuJoCo writes of them."""
     numbers = [float(n) for e in ElementTree.fromstring(xml).iter() for v in e.attrib.values() for n in _numbers(v)]
-    arrays = [getattr(model, name) for name in dir(model) if name.startswith(KEPT)]
+    arrays = [getattr(model, name) for name in dir(model) if name.startswith(EXPORTED_FIELDS)]
     arrays += [getattr(model.opt, name) for name in ("timestep", "gravity", "wind", "density", "viscosity")]
     for array in arrays:
         if isinstance(array, float) or getattr(array, "dtype", None) == np.float64:
@@ -27,7 +40,7 @@ def _numbers(value: str) -> list[str]:
     return [token for token in value.split() if re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", token, re.I)]
 
 
-def sharpen(tree: ElementTree.Element, exact: dict[str, str]) -> None:
+def restore_full_precision(tree: ElementTree.Element, exact: dict[str, str]) -> None:
     """Put the `exact` numbers in the place of their six digits, which a long or chaotic simulation can tell from the
     fit."""
     for element in tree.iter():

@@ -9,7 +9,7 @@ from unittest.mock import patch
 import mujoco
 import numpy as np
 
-from fimpact.export import player
+from fimpact.export import runtime_template
 from fimpact.recordings import Recording
 from fimpact.simulation.windows import Windows
 
@@ -42,7 +42,7 @@ def stateful(model: mujoco.MjModel) -> tuple[tuple[int, int], ...]:
 
 def _module(folder: Path) -> Any:
     """The exported callback, or the player without laws, as a module of its own."""
-    path = folder / CALLBACK if (folder / CALLBACK).exists() else Path(player.__file__)
+    path = folder / CALLBACK if (folder / CALLBACK).exists() else Path(runtime_template.__file__)
     spec = importlib.util.spec_from_file_location("improved", path)
     assert spec is not None and spec.loader is not None  # of a Python file
     module = importlib.util.module_from_spec(spec)

@@ -9,8 +9,8 @@ import mujoco
 import yaml
 from jsonschema import Draft202012Validator
 
-from fimpact.support.complaints import in_words, most_telling, name
-from fimpact.support.keys import as_numbers
+from fimpact.support.schema_check import as_numbers
+from fimpact.support.schema_errors import in_words, most_telling, name
 
 MJCF = Path(__file__).with_name("systems")
 PLANAR = ("arm", "block")  # systems with rigid-body terms for contact_implicit, which does not run for others

@@ -13,46 +13,21 @@ the estimate (`fimpact.paper.contact_implicit`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from cmaes import CMA
 
 from fimpact.paper.contact_implicit.plan import Plan, planner
 from fimpact.paper.forecast import forecaster
-from fimpact.paper.mjx.information import CRITERIA
-from fimpact.paper.systems.base import System
+from fimpact.paper.information.fisher import CRITERIA
+from fimpact.paper.task import Design, Task
 
 POPULATION = 16
 TOLD = 1e-3  # gain in a (logarithmic) criterion above which a candidate is taken to have touched
 AFAR = 0.25  # first step of an approach, as a share of the range
 NUDGE = 1e-4  # share of the range by which a gradient's differences are taken
 STEPS = 0.5 ** np.arange(4, 12)  # of a search along a gradient, in shares of the inputs' range; one batch
-
-
-@dataclass(frozen=True)
-class Task:
-    """What a designer is given: the system, what is believed of its parameters (draws of the posterior in relative
-    units, (k, p)), what is `known` already (prior precision plus information of past experiments, (p, p)), the
-    round, its budget and its random numbers."""
-
-    system: System
-    beliefs: np.ndarray
-    known: np.ndarray
-    round: int
-    rounds: int
-    budget: dict
-    rng: np.random.Generator
-    estimate: np.ndarray | None = None  # (p,), where contact_implicit plans; the mean of the beliefs if not given
-
-
-@dataclass(frozen=True)
-class Design:
-    """The chosen inputs (d,), the criterion's value there, and how many candidates were simulated for it."""
-
-    design: np.ndarray
-    value: float
-    candidates: int
 
 
 def fisher(task: Task, blind: bool = False, start: np.ndarray | None = None) -> Design:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from fimpact.paper.forecast import forecaster
-from fimpact.paper.mjx.programs import programs
+from fimpact.paper.information.programs import programs
 from fimpact.paper.search import Campaign, Mode, posterior_cost, prior_mode, search
 
 SAME_OPTIMUM = 2.0  # difference in log-likelihood below which two starts count as agreeing
@@ -144,7 +144,7 @@ def _polish(campaign: Campaign, start: np.ndarray, settings: dict, linearise=_qu
         )
     except ValueError:  # scipy refuses a residual that is not finite: this start cannot be simulated
         return None
-    return fit if np.isfinite(fit.jac).all() else None
+    return fit if np.isfinite(np.asarray(fit.jac)).all() else None
 
 
 def _cost(fit: OptimizeResult) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from fimpact.paper.systems.base import System
-from fimpact.support.quiet import hush
+from fimpact.support.mujoco_setup import hush
 
 STEP = 1e-7  # relative; large against round-off, small against the bends of contact
 ENCODER_NOISE = 1e-3  # rad or m; what a contact-blind designer of a silent force sensor looks at instead

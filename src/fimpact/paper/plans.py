@@ -10,14 +10,15 @@ import mujoco
 import numpy as np
 import pandas as pd
 
-from fimpact.paper import truth
+from fimpact.paper import reference_simulator
 from fimpact.paper.contact_implicit.plan import Plan, planner
-from fimpact.paper.design import Task, transcribe
-from fimpact.paper.mjx.information import fisher
-from fimpact.paper.mjx.programs import programs
+from fimpact.paper.design import transcribe
+from fimpact.paper.information.fisher import fisher
+from fimpact.paper.information.programs import programs
 from fimpact.paper.reach import contact_free, first_task
 from fimpact.paper.systems import System, make_system
 from fimpact.paper.systems.base import total_contact_force
+from fimpact.paper.task import Task
 from fimpact.paper.trial import draw_truth, stream
 
 COLUMNS = (
@@ -54,7 +55,7 @@ def _plan(config: dict, system: System, seed: int) -> tuple[tuple, pd.DataFrame]
     planned, simulated = forces(task, plan)
 
     def steps(relative: np.ndarray, design: np.ndarray) -> int:
-        return truth.simulate(system, relative * system.nominal, design)[1]
+        return reference_simulator.simulate(system, relative * system.nominal, design)[1]
 
     before = steps(rho, start) + steps(guess, start)
     touched = int((planned[:, 0] > TOUCH).sum())

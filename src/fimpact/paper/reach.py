@@ -5,13 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from fimpact.paper import truth
-from fimpact.paper.design import Task, fisher, uniform
+from fimpact.paper import reference_simulator
+from fimpact.paper.design import fisher, uniform
 from fimpact.paper.estimate import beliefs, untried
 from fimpact.paper.forecast import forecaster
-from fimpact.paper.mjx.information import identifiability
+from fimpact.paper.information.fisher import identifiability
 from fimpact.paper.search import Campaign
 from fimpact.paper.systems import System, make_system
+from fimpact.paper.task import Task
 from fimpact.paper.trial import draw_truth, information, prior_precision, stream
 
 CLEAR = 0.1  # share of the starting gap that a contact-free candidate keeps
@@ -43,7 +44,7 @@ def _reach(config: dict, system: System, seed: int) -> tuple:
     design = fisher(task, start=start).design
 
     def steps(relative, inputs) -> int:
-        return truth.simulate(system, relative * system.nominal, inputs)[1]
+        return reference_simulator.simulate(system, relative * system.nominal, inputs)[1]
 
     before = sum(steps(r, inputs) for r in (rho, guess) for inputs in start)
     on_truth, on_guess = steps(rho, design), steps(guess, design)
@@ -61,7 +62,8 @@ def contact_free(task: Task, rho: np.ndarray, count: int) -> np.ndarray:
     """
     middle = np.mean(task.system.inputs.bounds, 0)
     rho = rho[forecaster(task.system).forecast(rho, np.tile(middle, (len(rho), 1))).first > 0]
-    kept, share = [], 1.0
+    kept: list[np.ndarray] = []
+    share = 1.0
     while len(kept) < count:
         if share < LEAST or not len(rho):
             raise ValueError(
@@ -82,8 +84,10 @@ def run_identifiability(config: dict, system: str) -> str:
     rho = np.ones(len(made.nominal))
     task = first_task(config, made, rho, stream(made, 0, "identifiability"), sure=True)
     chosen = fisher(task).design
-    campaign = Campaign(made, made.template, (truth.run(made, made.nominal, chosen, 0.0),), rho, made.settings["prior"])
-    report = identifiability(information(campaign, rho), [p.name for p in made.parameters], campaign.prior_sd)
+    campaign = Campaign(
+        made, made.template, (reference_simulator.run(made, made.nominal, chosen, 0.0),), rho, made.settings["prior"]
+    )
+    report = identifiability(information(campaign, rho), tuple(p.name for p in made.parameters), campaign.prior_sd)
     lines = [
         f"- eigenvalue {value:.3g}: {words}" for value, words in zip(report.eigenvalues, report.verdict, strict=True)
     ]

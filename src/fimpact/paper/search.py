@@ -16,8 +16,8 @@ import numpy as np
 from cmaes import CMA
 
 from fimpact.paper.forecast import forecaster
+from fimpact.paper.reference_simulator import Recording
 from fimpact.paper.systems.base import System
-from fimpact.paper.truth import Recording
 
 MARGIN = 1e-3  # relative; starts stay this far inside the bounds, where the trust region can move
 SILENT = 6.0  # standard deviations; no sample above it means no contact, and nothing to be pulled towards

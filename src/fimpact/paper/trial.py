@@ -12,13 +12,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from fimpact.paper import truth
-from fimpact.paper.design import METHODS, Design, Task
+from fimpact.paper import reference_simulator
+from fimpact.paper.design import METHODS
 from fimpact.paper.estimate import FAR, Estimate, beliefs, estimate, untried
-from fimpact.paper.mjx.information import fisher
-from fimpact.paper.mjx.programs import programs
+from fimpact.paper.information.fisher import fisher
+from fimpact.paper.information.programs import programs
 from fimpact.paper.search import Campaign
 from fimpact.paper.systems import System, make_system
+from fimpact.paper.task import Design, Task
 
 Z95 = 1.959964  # two-sided 95 % quantile of the normal distribution
 
@@ -95,7 +96,7 @@ def _run_seed(config, system: System, method: str, seed: int, rounds: int) -> Le
         started = time.monotonic()
         chosen = design_next(config, campaign, belief, method, seed, round_, rounds)
         noise = stream(system, seed, "noise", round_).standard_normal((system.steps, len(system.sensor.channels)))
-        recording = truth.run(system, rho * system.nominal, chosen.design, noise)
+        recording = reference_simulator.run(system, rho * system.nominal, chosen.design, noise)
         campaign = replace(campaign, recordings=(*campaign.recordings, recording))
         found = estimate(campaign, config["estimate"], belief.carried, stream(system, seed, "starts", round_))
         belief = found if np.isfinite(found.rho).all() else belief

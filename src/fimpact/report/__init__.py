@@ -1,0 +1,1 @@
+"""The report of a diagnosis: one page with its pictures and its film."""

@@ -11,15 +11,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from fimpact.diagnosis.held_out import horizons_of, starts_of
 from fimpact.diagnosis.pipeline import Diagnosis, to_json
-from fimpact.diagnosis.proof import horizons_of, starts_of
 from fimpact.effects.fields import fields_of
-from fimpact.export.model import Exported, Predicted, write_model
+from fimpact.export.improved_model import Exported, Predicted, write_model
 from fimpact.export.replay import XML
 from fimpact.recordings import Run
 from fimpact.report.film import draw_film
 from fimpact.report.numbers import short
-from fimpact.simulation.horizon import MOST_WINDOWS, Starts, predict_windows
+from fimpact.simulation.horizon import MOST_WINDOWS, predict_windows
+from fimpact.simulation.window_fit import Starts
 from fimpact.simulation.windows import cut
 
 DATA, FIGURES, FILM, TIMING = "diagnosis.json", "figures", "motion.gif", "timing.json"

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from fimpact.plotting.style import log_ticks, power
 from fimpact.report.look import IMPROVED, INK, NAIVE, QUIET, RIVAL, WIDTH, draw
+from fimpact.report.plotting.style import log_ticks, power
 
 BARS = 12  # joints shown, those that lacked most
 CURVES: dict[str, tuple[str, dict[str, Any]]] = {

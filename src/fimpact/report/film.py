@@ -14,15 +14,16 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from fimpact.diagnosis.pipeline import Diagnosis
-from fimpact.plotting.gif import write_gif
-from fimpact.plotting.scene import Scene, outline
-from fimpact.plotting.stroboscopic import View, common_view, draw_bodies, draw_world, geoms, set_up
 from fimpact.recordings import Run
 from fimpact.report.look import FAINT, IMPROVED, INK, LOOK, NAIVE, QUIET
-from fimpact.report.motion import configurations, scene_of, undrawable
-from fimpact.simulation.horizon import MOST_WINDOWS, Starts, window_starts
+from fimpact.report.plotting.gif import write_gif
+from fimpact.report.plotting.scene import Scene, outline
+from fimpact.report.plotting.stroboscopic import View, common_view, draw_bodies, draw_world, geoms, set_up
+from fimpact.report.poses import configurations, scene_of, undrawable
+from fimpact.simulation.horizon import MOST_WINDOWS
+from fimpact.simulation.window_fit import Starts, window_starts
 from fimpact.simulation.windows import cut
-from fimpact.support.units import channel_unit
+from fimpact.support.channel_units import channel_unit
 
 FRAMES = 60
 PLAYED = (3.0, 6.0)  # s: slower or faster than it was, if need be

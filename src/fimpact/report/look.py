@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from fimpact.plotting.style import STYLE, save
+from fimpact.report.plotting.style import STYLE, save
 
 # Okabe-Ito; ink, quiet and paper change places in a dark page.
 INK, QUIET, FAINT, PAPER = "#1a1a1a", "#6f6f6f", "#dcdcdc", "#ffffff"

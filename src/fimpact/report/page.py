@@ -13,21 +13,21 @@ import jinja2
 import matplotlib.pyplot as plt
 from markupsafe import Markup
 
+from fimpact.diagnosis.experiments.next_experiment import COMMANDS, START, described, write_experiment
+from fimpact.diagnosis.experiments.separating import Experiment
+from fimpact.diagnosis.identifiability.sentences import HEADINGS
 from fimpact.diagnosis.pipeline import Diagnosis
 from fimpact.diagnosis.track_record import track_record
 from fimpact.effects.base import words
 from fimpact.effects.fields import SIMULATORS
-from fimpact.experiments.described import COMMANDS, START, described, write_experiment
-from fimpact.experiments.design import Experiment
 from fimpact.export.mjcf import ASSETS
 from fimpact.export.replay import CALLBACK, XML
-from fimpact.identifiability.wording import HEADINGS
 from fimpact.report.contents import DATA, FIGURES, TIMING, contents, to_text
-from fimpact.report.experiment import commands
+from fimpact.report.experiment_picture import commands
 from fimpact.report.figures import pictures
 from fimpact.report.look import draw, inline, store
 from fimpact.report.numbers import estimate, pair, percent, short
-from fimpact.support.drafts import draft_folder, made
+from fimpact.support.atomic_files import draft_folder, made
 
 PAGE = "report.html"
 OURS = {PAGE, DATA, FIGURES, XML, CALLBACK, ASSETS, COMMANDS, START, TIMING}

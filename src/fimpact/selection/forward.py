@@ -8,22 +8,22 @@ import numpy as np
 from fimpact.deciding import BUDGET, MISSES, MOST, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import has_servos
-from fimpact.selection.begin import begun, held_by, with_held
-from fimpact.selection.drives import align, drive, refitted_whole
-from fimpact.selection.exchange import Alternative, Exchange, exchanges
-from fimpact.selection.leftover import Leftover, leftover
-from fimpact.selection.limits import Limits
+from fimpact.selection.one_round import Round, Trial, search, worth
 from fimpact.selection.options import Option, options
+from fimpact.selection.refit_start import begun, held_by, with_held
 from fimpact.selection.regression import Regression
-from fimpact.selection.search import Round, Trial, search, worth
+from fimpact.selection.search_scope import Limits
+from fimpact.selection.servo_drives import align, drive, refitted_whole
+from fimpact.selection.substitutes import Alternative, Exchange, exchanges
+from fimpact.selection.unnamed_rest import Leftover, leftover
 from fimpact.smoothing.candidates import Candidate, candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
-from fimpact.smoothing.lateness import Way
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
-from fimpact.smoothing.simulated import Simulated
+from fimpact.smoothing.servo_lag import Way
+from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
 
 
 @dataclass(frozen=True)
@@ -171,9 +171,10 @@ class Search:
         Args:
             missing: squared force, (nv,), of which each effect must bear the share `floor`.
         """
-        small = floor == REFINES and found.chosen.share < MOST
-        small = small and all(self._refines(regression.columns.candidates[i]) for i in found.chosen.option.members)
+        assert found.chosen is not None
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
+        small = floor == REFINES and chosen.share < MOST
+        small = small and all(self._refines(regression.columns.candidates[i]) for i in chosen.option.members)
         steps = self.track.steps
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
@@ -253,6 +254,7 @@ class Search:
 
     def _among_rivals(self, regression: Regression, found: Round, best: Smoothed) -> Smoothed:
         """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
+        assert found.chosen is not None
         # The compound stands for many kinds, which are told apart by what they predict; others are by refits.
         rivals = [] if found.chosen.option.compound else found.rivals
         tried, fits = rivals[:RIVALS], [best]
@@ -266,16 +268,16 @@ class Search:
         as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
         orders = [found.chosen.option.order, *(trial.option.order for trial, _ in tried)]
         first = min(as_good, key=lambda i: (len(fits[i].numbers), orders[i], i))
-        found = [(fit.placed, fit.theta, w) for fit, w in zip(fits, weights, strict=True)]
+        answers = [(fit.placed, fit.theta, w) for fit, w in zip(fits, weights, strict=True)]
         # Where there was no refit, or none that converged, stands what the regression says.
         told = weights[0] if np.isfinite(losses[0]) else weights[first]
         for i, (trial, weight) in enumerate(rivals, 1):
             if i >= len(fits) or not np.isfinite(losses[i]):
                 own, _, theta = self.begun_with(regression, trial)
-                found[i : i + 1] = [(own, theta, weight * told)]
+                answers[i : i + 1] = [(own, theta, weight * told)]
         self.alternatives = [
             Alternative(placed, theta, float(w / weights[first]))
-            for i, (placed, theta, w) in enumerate(found)
+            for i, (placed, theta, w) in enumerate(answers)
             if i != first and w > UNLIKELY * weights[first]
         ]
         return fits[first]

@@ -47,8 +47,8 @@ class Regression:
         self.fold = np.arange(self.count) * FOLDS // self.count
         self.weight, self.pull = self._priors()
         self.positive = np.zeros(self.gram.shape[1], bool)
-        for i, (owner, amplitude) in enumerate(columns.owners):
-            candidate = columns.candidates[owner]
+        for i, (number, amplitude) in enumerate(columns.owners):
+            candidate = columns.candidates[number]
             self.positive[self.p + i] = candidate.positive[amplitude]
 
     def _priors(self) -> tuple[np.ndarray, np.ndarray]:
@@ -188,9 +188,8 @@ class Regression:
         whole = self.gram.sum(0)
         if self.p:
             inner = np.linalg.pinv(whole[: self.p, : self.p] + np.diag(self.weight[: self.p]), hermitian=True)
-            whole = (
-                whole[np.ix_(own, own)] - whole[np.ix_(own, range(self.p))] @ inner @ whole[np.ix_(range(self.p), own)]
-            )
+            held = np.arange(self.p)
+            whole = whole[np.ix_(own, own)] - whole[np.ix_(own, held)] @ inner @ whole[np.ix_(held, own)]
         size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
         roots = np.maximum(np.linalg.eigvalsh(whole / np.outer(size, size)), 0.0)
         return float(np.sqrt(roots).sum() ** 2 / max(roots.sum(), 1e-300))

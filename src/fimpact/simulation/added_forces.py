@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import Placed, State
+from fimpact.effects.base import Placed
 from fimpact.effects.gears import Coupling, coupled, encoders
+from fimpact.effects.law_inputs import State
 
 LAWS = ("force", "friction", "gear")  # asked once per step
 WRITES = ("friction", "gear")  # change fields of the model from step to step, other ones in each window
@@ -45,7 +46,7 @@ class AddedForces:
         for dof, found in zip(self._dofs, self._found, strict=True):
             force[:, dof] += found.pull
             instant[:, dof] += found.at_once[0]
-        for own, row in zip(self._limits, limits if self._limits else (), strict=True):
+        for own, row in zip(self._limits, () if limits is None else limits, strict=True):
             own[:] = row
         self._write_inertia([found.inertia for found in self._found])
         return force, instant
@@ -73,6 +74,7 @@ def _add(law: Placed, seen: State, force: np.ndarray, limits: np.ndarray | None)
         force += found
         return
     dof, (forward, backward) = seen.model.joint(law.site).dofadr[0], found
+    assert limits is not None  # there are some wherever a law rubs
     # Unequal limits are equal ones beside a constant force.
     limits[:, dof] += (forward + backward) / 2
     force[:, dof] += (backward - forward) / 2

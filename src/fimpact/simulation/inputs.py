@@ -7,7 +7,8 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fimpact.effects.base import Placed, Signal
+from fimpact.effects.base import Placed
+from fimpact.effects.law_inputs import Signal
 from fimpact.recordings import Recording
 from fimpact.simulation.windows import Windows
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fimpact.effects.base import Placed
 from fimpact.effects.native import STIFFEST
-from fimpact.effects.sites import can_touch
+from fimpact.effects.touching import can_touch
 
 
 def has_constraints(model: mujoco.MjModel) -> bool:

@@ -6,50 +6,35 @@ step for all of them.
 
 import copy
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 
 import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from fimpact.effects.base import Placed, Signal, State
-from fimpact.effects.native import editable
-from fimpact.effects.sites import NO_CONTACT, can_touch
-from fimpact.recordings import FIELDS, Recording, spec_of
+from fimpact.effects.law_inputs import Signal, State
+from fimpact.effects.touching import NO_CONTACT
+from fimpact.recordings import FIELDS, Recording
 from fimpact.simulation.added_forces import LAWS, WRITES, AddedForces
+from fimpact.simulation.compiled import compiled_model, configure, sensor_column, without_idle_solver
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.inputs import InputSignal
 from fimpact.simulation.model_pool import ModelPool
-from fimpact.simulation.nonsmooth import has_constraints, make_friction_exact
+from fimpact.simulation.nonsmooth import make_friction_exact
 from fimpact.simulation.servo_steps import held_by_servos
 from fimpact.simulation.windows import Windows
-from fimpact.support.quiet import hush
-from fimpact.support.visuals import without_visuals
+from fimpact.support.mujoco_setup import hush
 
-CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
 MOST_STEPS = 2_000_000  # simulated at once: what is kept of each takes memory
 # A simulation that diverges is an infinite error, and no news: numpy need not warn of it.
 DIVERGED = np.errstate(over="ignore", invalid="ignore")
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
-NO_CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+
 
 hush()
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """Values of the recording's unknowns, (p,), and the effects that are added."""
-
-    theta: np.ndarray
-    placed: tuple[Placed, ...] = ()
-
-    def of_kind(self, *enters: str) -> list[Placed]:
-        """Effects that enter in one of these ways."""
-        return [placed for placed in self.placed if placed.effect.enters in enters]
 
 
 @dataclass(frozen=True)
@@ -76,10 +61,10 @@ class Simulator:
 
     def __init__(self, recording: Recording, refine: int = 1, apart: bool = False):
         self.recording, self.refine, self.apart = recording, refine, apart
-        self.base = copy.copy(_compiled(recording.xml, apart))
+        self.base = copy.copy(compiled_model(recording.xml, apart))
         self.base.opt.timestep /= refine
         self.base.opt.disableflags |= NO_CONTACT * apart
-        _configure(self.base)
+        configure(self.base)
         self.substeps = max(1, round(recording.period / self.base.opt.timestep))
         self.base.opt.timestep = recording.period / self.substeps
         # What MuJoCo does to a contact that is too quick for its time step (refsafe) belongs to the model: finer steps
@@ -92,7 +77,8 @@ class Simulator:
         self._data = [mujoco.MjData(self.base) for _ in range(count)]
         self._scratch = mujoco.MjData(self.base)
         self._size = mujoco.mj_stateSize(self.base, FULL)
-        self._pool, self._last = ModelPool(), (None, self.base)
+        self._pool = ModelPool()
+        self._last: tuple[tuple[bytes, str, str] | None, mujoco.MjModel] = None, self.base
 
     @cached_property
     def theta(self) -> np.ndarray:
@@ -157,7 +143,7 @@ class Simulator:
         control[:, :, :nu] = ctrl if each else np.asarray(ctrl)[:, None]
         control[:, :, nu:] = force[:, None]
         state, sensed = np.empty((n, steps, self._size)), np.empty((n, steps, model.nsensordata))
-        with _without_idle_solver(model), held_by_servos([model], self.recording.period):
+        with without_idle_solver(model), held_by_servos([model], self.recording.period):
             self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed)
         return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns]
 
@@ -170,7 +156,7 @@ class Simulator:
         laws, drive = hypothesis.of_kind(*LAWS), self._drive(hypothesis, windows)
         model = self._cached_model(hypothesis)
         if not laws:
-            with _without_idle_solver(model), held_by_servos([model], self.recording.period):
+            with without_idle_solver(model), held_by_servos([model], self.recording.period):
                 return self._at_once(model, drive, start)
         copies = self._pool.for_windows(model, len(start)) if hypothesis.of_kind(*WRITES) else []
         added = AddedForces(model, copies, laws)
@@ -198,7 +184,8 @@ class Simulator:
         return sensed
 
     def _step_by_step(self, model, added: AddedForces, copies: list, drive: Drive, state: np.ndarray) -> np.ndarray:
-        (w, steps), before, memory = drive.mean.shape[:2], state, {}
+        (w, steps), before = drive.mean.shape[:2], state
+        memory: dict[object, object] = {}
         sensed, after = np.empty((steps, w, 1, model.nsensordata)), np.empty((w, 1, self._size))
         models = copies or [model] * w
         for k in range(steps):
@@ -241,40 +228,5 @@ class Simulator:
     def _unpack(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         base = self.base
         ends = np.cumsum([1, base.nq, base.nv, base.na])
-        return tuple(state[..., a:b] for a, b in pairwise(ends))
-
-
-@lru_cache(maxsize=2)  # a large model takes longer to compile than to copy
-def _compiled(xml: str, apart: bool) -> mujoco.MjModel:
-    return editable(without_visuals(spec_of(xml), apart))
-
-
-def sensor_column(model: mujoco.MjModel, channel: str) -> int:
-    """Find the column of `channel` in MuJoCo's `sensordata`."""
-    name, _, component = channel.removesuffix("]").partition("[")
-    return int(model.sensor(name).adr[0]) + int(component or 0)
-
-
-def _configure(model: mujoco.MjModel) -> None:
-    # A diverged state must show as NaN, not as a silent reset. Islands change no digit and cost a twentieth.
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_ISLAND
-    # A difference of two simulations through contact needs a solver that has converged further than a picture does;
-    # what else holds a robot is found to the last digit by steps that are few.
-    if can_touch(model) or model.opt.solver != mujoco.mjtSolver.mjSOL_NEWTON:
-        model.opt.tolerance = min(model.opt.tolerance, CONVERGED)
-    model.opt.iterations = max(model.opt.iterations, ITERATIONS)
-    model.opt.ls_iterations = max(model.opt.ls_iterations, ITERATIONS)
-    # Of limbs that move without one another half of all entries are nothing: left out, contact takes half the time.
-    if can_touch(model) and model.nM < model.nv * (model.nv + 1) // 2:
-        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
-
-
-@contextmanager
-def _without_idle_solver(model: mujoco.MjModel) -> Iterator[None]:
-    """What nothing holds needs no constraint solver: the same digits, an eighth sooner."""
-    flags = model.opt.disableflags
-    model.opt.disableflags = flags | (0 if has_constraints(model) else NO_CONSTRAINT)
-    try:
-        yield
-    finally:
-        model.opt.disableflags = flags
+        qpos, qvel, act = (state[..., a:b] for a, b in pairwise(ends))
+        return qpos, qvel, act

@@ -1,6 +1,6 @@
 """Every effect at every place with its choices of shapes, and the typical magnitudes that they follow from."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
@@ -8,9 +8,9 @@ import numpy as np
 
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import ON_JOINT
-from fimpact.smoothing.laws import middle
+from fimpact.smoothing.dynamics.laws import middle
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Candidate:
         """``effect@site``."""
         return f"{self.effect.name}@{self.site}"
 
-    def placed(self, values: Sequence[float]) -> Placed:
+    def placed(self, values: Iterable[float]) -> Placed:
         """The effect with these amplitudes."""
         amplitudes = dict(zip(self.names, map(float, values), strict=True)) if self.effect.linear else {}
         return self.placed_as({**self.effect.neutral, **self.shapes, **amplitudes})

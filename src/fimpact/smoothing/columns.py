@@ -15,14 +15,22 @@ import numpy as np
 from fimpact.effects.base import Placed, Scales
 from fimpact.simulation.nonsmooth import stop_within_a_step
 from fimpact.smoothing.candidates import Candidate, needed_of_motors, scales_along
-from fimpact.smoothing.filtering import swept
-from fimpact.smoothing.inverse import edits
-from fimpact.smoothing.laws import DRY, acts_of, expected_sign, middle, predicted_commands, reading_of, speed_doubt
-from fimpact.smoothing.linear import Linear
-from fimpact.smoothing.response import Change, Response
-from fimpact.smoothing.simulated import Simulated
+from fimpact.smoothing.dynamics.inverse import edits
+from fimpact.smoothing.dynamics.laws import (
+    DRY,
+    acts_of,
+    expected_sign,
+    middle,
+    predicted_commands,
+    reading_of,
+    speed_doubt,
+)
+from fimpact.smoothing.dynamics.linear import Linear
+from fimpact.smoothing.dynamics.response import Change, Response
+from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.filter.by_run import swept
+from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, inverse_of_push
-from fimpact.smoothing.track import Track
 
 ACTING = ("force", "friction", "gear")  # ways in which laws act along a motion, without a simulation
 SMALL = 1e-2  # share of its prior at which a linear effect is tried: in contact no tangent holds for all of it

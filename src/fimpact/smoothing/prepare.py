@@ -8,12 +8,12 @@ import numpy as np
 
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
-from fimpact.simulation.starts import measured_motion, noise_level
-from fimpact.smoothing.lateness import Way, lateness
-from fimpact.smoothing.laws import touching
-from fimpact.smoothing.refinement import refined
+from fimpact.simulation.state_guess import measured_motion, noise_level
+from fimpact.smoothing.dynamics.laws import touching
+from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.servo_lag import Way, lateness
 from fimpact.smoothing.states import States
-from fimpact.smoothing.track import Track
+from fimpact.smoothing.time_step import refined
 
 
 @dataclass(frozen=True)

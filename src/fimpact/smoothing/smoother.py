@@ -14,15 +14,15 @@ import numpy as np
 
 from fimpact.deciding import LOUDER, NOTHING, ROUNDS, STILL, TIED, TRUST
 from fimpact.effects.base import Placed
-from fimpact.smoothing.filtering import Filtered, variances
-from fimpact.smoothing.levels import Levels, Pace, first_levels, in_modes, moved_by, nearer
-from fimpact.smoothing.linear import Linear, linearise
+from fimpact.smoothing.dynamics.linear import Linear, linearise
+from fimpact.smoothing.dynamics.response import heavier
+from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.filter.by_run import Filtered, variances
+from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, in_modes, moved_by, nearer
 from fimpact.smoothing.parameters import Parameter, parameters, placed_of, theta_of
-from fimpact.smoothing.response import heavier
 from fimpact.smoothing.states import States
 from fimpact.smoothing.step import solve
 from fimpact.smoothing.stretches import stretches
-from fimpact.smoothing.track import Track
 
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
 FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much as a reading's noise
@@ -107,7 +107,8 @@ def smooth(
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
-    best, lost, hopeless = (np.inf,), 0, 0
+    least, lost, hopeless = np.inf, 0, 0  # of the rounds so far, and rounds since that fit worse than it or than `bar`
+    best: tuple[States, np.ndarray, np.ndarray, Levels, list[Parameter]] | None = None
     for k in range(rounds + len(anneal)):
         rough = k < len(anneal)
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
@@ -165,17 +166,19 @@ def smooth(
             break
         if patience and k >= len(anneal):
             loss = found.fit + found.cost
-            lost = lost + 1 if loss > best[0] + TIED else 0
-            best = min(best, (loss, states, tau, doubt, levels, numbers), key=lambda own: own[0])
+            lost = lost + 1 if loss > least + TIED else 0
+            if loss < least:
+                least, best = loss, (states, tau, doubt, levels, numbers)
             if lost == patience:
                 break
         if change > WORN:
             linear = None
-    if not converged and np.isfinite(best[0]):
-        _, states, tau, doubt, levels, numbers = best
+    if not converged and best is not None and np.isfinite(least):
+        states, tau, doubt, levels, numbers = best
         fixed, linear, sign = numbers or fixed, None, None
     if not (converged and track.long):
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise, now=levels)
+    assert linear is not None and levels is not None
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
     fixed = numbers or fixed
     count = int(np.isfinite(track.measured).sum())
@@ -186,13 +189,11 @@ def smooth(
     )  # fmt: skip
 
 
-def _linear(
-    track, numbers, fixed, placed, states, tau, doubt, like: Linear | None, *more, now: Levels | None = None
-) -> Linear:
+def _linear(track, numbers, fixed, placed, states, tau, doubt, like, sign, rough, surprise=0.0, *, now) -> Linear:
     # Where a joint sticks, no small force moves it: there what a force does is judged over as much as may be missing.
     spread = np.sqrt((now.forces**2).mean(0)) if now and track.long else None
     placed = placed_of(fixed, placed)
-    return linearise(track, numbers, placed, states, tau, doubt, theta_of(fixed), like, *more, spread=spread)
+    return linearise(track, numbers, placed, states, tau, doubt, theta_of(fixed), like, sign, rough, surprise, spread)
 
 
 def _inverse(track: Track, linear: Linear) -> np.ndarray:

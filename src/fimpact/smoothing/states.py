@@ -60,7 +60,9 @@ class Tangent:
 
 def tangent(model: mujoco.MjModel) -> Tangent:
     """The tangent space of the states of `model`."""
-    rows, columns, turns = [], [], []
+    rows: list[int] = []
+    columns: list[int] = []
+    turns = []
     for joint in range(model.njnt):
         q, v, kind = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]), int(model.jnt_type[joint])
         plain = {FREE: 3, BALL: 0}.get(kind, 1)

@@ -12,12 +12,12 @@ from scipy import stats
 from scipy.optimize import lsq_linear
 
 from fimpact.deciding import CONFIDENCE, TRUST
-from fimpact.smoothing.filtering import Filtered, filtered, swept, variances
-from fimpact.smoothing.levels import Levels
-from fimpact.smoothing.linear import Linear
+from fimpact.smoothing.dynamics.linear import Linear
+from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.filter.by_run import Filtered, filtered, swept, variances
+from fimpact.smoothing.noise_levels import Levels
 from fimpact.smoothing.parameters import Parameter
 from fimpact.smoothing.stretches import spread_of_scores
-from fimpact.smoothing.track import Track
 
 NORMAL = float(stats.norm.ppf((1 + CONFIDENCE) / 2))  # sd, within which so many of normal variables are
 SMALL = 0.1  # of itself, that a number moves by: as much as one sd

@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 from jsonschema import Draft202012Validator
 
-from fimpact.support.complaints import in_words, most_telling
+from fimpact.support.schema_errors import in_words, most_telling
 
 PATIENCE = 60  # s that a server may be silent
 ROW = {

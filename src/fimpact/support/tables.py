@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fimpact.support.drafts import replacing
+from fimpact.support.atomic_files import replacing
 
 FLOAT = "%.9g"
 ORDER = ["system", "method", "surface", "seed", "round"]

@@ -5,6 +5,7 @@ Every stage starts from the motion that its own eps gives the design found so fa
 
 import json
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -144,7 +145,9 @@ class Planner:
 
     def _solver(self, iterations: int) -> ca.Function:
         if iterations not in self._solvers:
-            options = {f"ipopt.{name}": value for name, value in {**IPOPT, "max_iter": iterations}.items()}
+            options: dict[str, Any] = {
+                f"ipopt.{name}": value for name, value in {**IPOPT, "max_iter": iterations}.items()
+            }
             options |= {"print_time": False, **self.programme.options}
             self._solvers[iterations] = ca.nlpsol("plan", "ipopt", self.programme.problem, options)
         return self._solvers[iterations]

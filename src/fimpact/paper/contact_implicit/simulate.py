@@ -57,7 +57,8 @@ class Simulator:
             reading, over, back, by = (np.array(part) for part in self._reading(guess, state, rho))
             rows.append((guess, slope, reading[:, 0], over @ slope + back @ carried + by @ units))
             state, carried = guess[: step.states], slope[: step.states]
-        return Motion(*(np.array(part) for part in zip(*rows, strict=True)), solved)
+        after, slope, reading, sensitivity = (np.array(part) for part in zip(*rows, strict=True))
+        return Motion(after, slope, reading, sensitivity, solved)
 
     def _solve(self, guess, state, control, rho, eps) -> tuple[np.ndarray, bool]:
         zero, jacobian = self._newton(guess, state, control, rho, eps)

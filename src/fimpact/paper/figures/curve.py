@@ -11,7 +11,7 @@ from matplotlib.patheffects import withStroke
 
 from fimpact.paper.measures import BASELINE, DESIGNED, errors, final, reduction, touched
 from fimpact.paper.summary import percent, reduction_curve
-from fimpact.plotting.style import METHODS, STYLE, WIDTH, in_percent, log_ticks, set_ticks, write
+from fimpact.report.plotting.style import METHODS, STYLE, WIDTH, in_percent, log_ticks, set_ticks, write
 
 INTERVAL = ["reduction", "reduction_low", "reduction_high"]
 

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from fimpact.paper.figures.replay import replay
 from fimpact.paper.systems import System, make_system
-from fimpact.plotting.gif import write_gif
-from fimpact.plotting.scene import Scene
-from fimpact.plotting.stroboscopic import (
+from fimpact.report.plotting.gif import write_gif
+from fimpact.report.plotting.scene import Scene
+from fimpact.report.plotting.stroboscopic import (
     BODY,
     CHANNELS,
     FORCE,
@@ -27,7 +27,7 @@ from fimpact.plotting.stroboscopic import (
     draw_world,
     set_up,
 )
-from fimpact.plotting.style import STYLE, WIDTH, save
+from fimpact.report.plotting.style import STYLE, WIDTH, save
 
 POSES, PEAKS, ARROWS = 9, 2, 8  # drawn of one experiment in a stroboscopic picture
 FRAMES, RATE = 80, 20  # of the film, and per second

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from fimpact.plotting.style import METHODS, STYLE, WIDTH, write
+from fimpact.report.plotting.style import METHODS, STYLE, WIDTH, write
 
 SHOWN = 0.02  # share of the largest force above which there is something to see
 AROUND = 0.1  # share of that time that is shown before and after it

@@ -1,6 +1,7 @@
 """The paper's four panels and the ablation; the curve, which has a room of its own, is reached from here too."""
 
 from pathlib import Path
+from typing import cast
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from fimpact.paper.figures.curve import curve
 from fimpact.paper.measures import BASELINE, DESIGNED, errors, final, information, information_ratio, touched
 from fimpact.paper.summary import percent, times
-from fimpact.plotting.style import (
+from fimpact.report.plotting.style import (
     METHODS,
     STYLE,
     WIDTH,
@@ -35,8 +36,8 @@ def panels(trials: pd.DataFrame, stem: Path | str) -> None:
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(len(systems), 2, figsize=(WIDTH, 2.7 * len(systems)), squeeze=False)
         for row, (system, part) in zip(axes, systems, strict=True):
-            _error_panel(row[0], system, part)
-            _information_panel(row[1], system, part)
+            _error_panel(row[0], str(system), part)
+            _information_panel(row[1], str(system), part)
         write(figure, stem)
 
 
@@ -46,7 +47,7 @@ def ablation(trials: pd.DataFrame, stem: Path | str) -> None:
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(len(systems), 1, figsize=(WIDTH, 2.4 * len(systems)), squeeze=False)
         for ax, (system, part) in zip(axes[:, 0], systems, strict=True):
-            _strips(ax, system, part)
+            _strips(ax, str(system), part)
         write(figure, stem)
 
 
@@ -64,7 +65,7 @@ def _error_panel(ax: Axes, system: str, trials: pd.DataFrame) -> None:
 
 def _information_panel(ax: Axes, system: str, trials: pd.DataFrame) -> None:
     table = information(trials).loc[_shown(trials), 1:]
-    least = table.where(table > 0).min(axis=None)
+    least = cast(float, table.where(table > 0).min(axis=None))
     # A logarithm has no zero: experiments that tell nothing lie on a line of their own below the least that does.
     floor = 10.0 ** np.floor(np.log10(least) - 0.5) if least > 0 else 1.0
     lifted = table.clip(lower=floor)
@@ -106,7 +107,8 @@ def _bands(ax: Axes, table: pd.DataFrame) -> None:
 
 def _label(ax: Axes, table: pd.DataFrame) -> None:
     middle = final(table).median()
-    label_ends(ax, [(table.columns[-1], middle[method], LABELS[method], METHODS[method][1]) for method in middle.index])
+    last = cast(float, table.columns[-1])
+    label_ends(ax, [(last, middle[method], LABELS[method], METHODS[method][1]) for method in map(str, middle.index)])
 
 
 def _strips(ax: Axes, system: str, trials: pd.DataFrame) -> None:
@@ -121,7 +123,7 @@ def _strips(ax: Axes, system: str, trials: pd.DataFrame) -> None:
     ax.set(xscale="log", ylim=(len(methods) - 0.5, -0.5), xlabel="parameter error after the last experiment (rms)")
     log_ticks(ax.xaxis, *ax.get_xlim(), in_percent)
     best = error[methods].median().idxmin()
-    ax.set_title(f"{system.capitalize()}: lowest median error by {METHODS[best][0]}; one mark per seed")
+    ax.set_title(f"{system.capitalize()}: lowest median error by {METHODS[str(best)][0]}; one mark per seed")
 
 
 def _strip(ax: Axes, place: int, method: str, error: pd.Series) -> None:
@@ -135,5 +137,5 @@ def _strip(ax: Axes, place: int, method: str, error: pd.Series) -> None:
 
 def _notes(ax: Axes, y: float, coordinates: str, *notes: str) -> None:
     for x, note in zip((1.1, 1.22), notes, strict=True):
-        place = {"xycoords": ("axes fraction", coordinates), "ha": "right", "va": "center"}
-        ax.annotate(note, (x, y), annotation_clip=False, **place)
+        place = ("axes fraction", coordinates)
+        ax.annotate(note, (x, y), xycoords=place, ha="right", va="center", annotation_clip=False)

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from fimpact.paper.systems import System
-from fimpact.plotting.scene import Scene, contacts, pivots, plane_of_motion
+from fimpact.report.plotting.scene import Scene, contacts, pivots, plane_of_motion
 
 
 def replay(system: System, theta: np.ndarray, design: np.ndarray) -> Scene:

@@ -1,0 +1,1 @@
+"""MJX: set up for this machine, and the sensors of the paper on it."""

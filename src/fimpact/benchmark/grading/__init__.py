@@ -1,0 +1,1 @@
+"""Grading: answers against the sealed truth, and the lines of the claim with their intervals."""

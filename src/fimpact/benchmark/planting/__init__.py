@@ -1,0 +1,1 @@
+"""Planting: the effects that can be put into a simulated robot, and how."""

@@ -1,0 +1,1 @@
+"""The simulated robots, an MJCF each."""

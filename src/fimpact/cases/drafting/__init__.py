@@ -1,0 +1,1 @@
+"""Drafting a first case from an MJCF and its logs."""

@@ -1,0 +1,1 @@
+"""What may be said: which effects count as certain, possible or small, and the sentences of the verdict."""

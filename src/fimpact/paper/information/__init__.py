@@ -1,0 +1,1 @@
+"""Sensitivities through contact: rollouts, Fisher information and its trace, and the compiled programs of both."""

@@ -1,0 +1,1 @@
+"""Style and scenes of pictures, which the paper and the benchmark draw with as well."""

@@ -1,0 +1,203 @@
+"""One round of forward selection, and what each number of a fit is worth.
+
+An option qualifies where its gain is more than chance over all that was tried, where it predicts stretches better that
+were not fitted, and where it takes away a share of the missing force at some place. The best wins; of what is as good,
+the earlier in the engineer's order; all that data cannot tell from it is its set.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from fimpact.deciding import BELIEF, P_ALARM, TIED, UNLIKELY
+from fimpact.effects.sites import measured_by
+from fimpact.selection.options import Option
+from fimpact.selection.regression import Estimate, Regression, chance
+from fimpact.smoothing.smoother import inverse_of_push
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One option tried beside what is in.
+
+    p: chance of its gain over all that was tried. gain, error: predicted on stretches that were not fitted, in squared
+    innovations, with what is nearer to the priors, and its standard error. share, place: largest share of the missing
+    force that it takes away (of all that is not predicted, where it is no force), and the degree of freedom where.
+    errors: (stretches,) squared innovations left. places:
+    ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for it.
+    """
+
+    option: Option
+    estimate: Estimate
+    p: float
+    gain: float
+    error: float
+    share: float
+    place: int
+    errors: np.ndarray
+    places: tuple[str, ...] = ()
+    hidden: bool = False
+
+    @property
+    def sure(self) -> float:
+        """What it gains at the least."""
+        return self.gain - BELIEF * self.error
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round chose (None: nothing qualified), its rivals with their relative likelihoods, and all that was
+    tried, best first."""
+
+    chosen: Trial | None
+    rivals: tuple[tuple[Trial, float], ...]
+    tried: tuple[Trial, ...]
+
+
+def search(regression: Regression, offered: Sequence[Option], missing: np.ndarray, floor: float) -> Round:
+    """Try every option beside what is in.
+
+    Args:
+        missing: squared force, (nv,), of which an option must take the share `floor` somewhere.
+    """
+    now = regression.proper(range(regression.p))
+    errors, forces = regression.errors(now), regression.forces_left(now)
+    found = [attempt(regression, now, errors, forces, missing, option) for option in offered]
+    tried = sorted((t for t in found if t), key=lambda t: -t.gain)
+    likely = [t for t in tried if t.p < P_ALARM and t.gain > 0 and t.share > floor]
+    good = [t for t in likely if t.sure > 0]
+    # What pulls unknowns from their priors is what fits best, not whatever brings them back.
+    best = next((t for t in tried if t.p < P_ALARM and t.sure > 0), None)
+    good = [t for t in good if best is None or not t.hidden or lag(regression, best, t) < TIED]
+    if not good:
+        return Round(None, (), tuple(tried))
+    behind = [(t, lag(regression, good[0], t)) for t in good]
+    allowed = {True: -2 * np.log(UNLIKELY), False: TIED}
+    tied = [t for t, own in behind if own < allowed[t.option.compound]]
+    chosen = min(tied, key=lambda t: (t.option.order, len(t.estimate.kept), -t.gain))
+    chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
+    return Round(
+        chosen,
+        rivals_of(regression, chosen, [*likely, *blends(regression, now, errors, forces, missing, likely)]),
+        tuple(tried),
+    )
+
+
+def rivals_of(regression: Regression, chosen: Trial, others: Sequence[Trial]) -> tuple[tuple[Trial, float], ...]:
+    """What is as likely as `chosen`, with its marginal likelihood beside its 1, likeliest first: a rival need not be as
+    sure as what is chosen, and a class of which one member is left is that member. What holds all that is chosen and
+    more is no rival: more is asked for in the next round."""
+    own = regression.evidence(chosen.estimate)
+    weights = [(trial, float(np.exp(min(regression.evidence(trial.estimate) - own, 700.0)))) for trial in others]
+    least = UNLIKELY * max((weight for _, weight in weights), default=1.0)
+    first = places_of(regression, chosen.estimate)
+    seen, found = {first}, []
+    for trial, weight in sorted(weights, key=lambda pair: -pair[1]):
+        places = places_of(regression, trial.estimate)
+        if places not in seen and not set(first) < set(places) and weight > least:
+            seen.add(places)
+            found.append((trial, weight))
+    return tuple(found)
+
+
+def blends(regression: Regression, now: Estimate, errors, forces, missing, tried: Sequence[Trial]) -> list[Trial]:
+    """The linear effects among `tried` with all choices of their shapes at once: a shape between two choices is nearly
+    a mixture of both, and no effect is to lose to another because its true shape was not among the choices."""
+    columns, found = regression.columns, []
+    for name, order in {t.places[0]: t.option.order for t in tried if len(t.places) == 1}.items():
+        members = tuple(i for i, c in enumerate(columns.candidates) if c.name == name and c.effect.linear)
+        if len(members) > 1:
+            found.append(attempt(regression, now, errors, forces, missing, Option(name, order, members)))
+    return [trial for trial in found if trial and trial.p < P_ALARM and trial.gain > 0]
+
+
+def places_of(regression: Regression, estimate: Estimate) -> tuple[str, ...]:
+    """``effect@site`` of what an estimate holds beside the numbers that are in."""
+    owners, tried = regression.columns.owners, regression.columns.candidates
+    names = [tried[owners[c - regression.p][0]].name for c in estimate.kept if c >= regression.p]
+    return tuple(dict.fromkeys(names))
+
+
+def attempt(regression: Regression, now: Estimate, errors, forces, missing, option: Option) -> Trial | None:
+    """One option beside what is in; None where nothing of it is left."""
+    owners = regression.columns.owners
+    own = [regression.p + i for i, (owner, _) in enumerate(owners) if owner in option.members]
+    found = regression.proper([*now.kept, *own]) if own else now
+    added = len(set(found.kept) - set(now.kept))
+    if not added:
+        return None
+    gain, dispersion = regression.gain(now, found)
+    p = min(1.0, chance(gain, dispersion, added) * regression.independent)
+    left = regression.errors(found)
+    whole = regression.force_of(now, found)
+    taken = (forces - regression.forces_left(found)).sum(0) if whole is None else whole
+    taken = taken / np.maximum(missing, 1e-300)
+    place, better = int(np.argmax(taken)), errors - left
+    # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
+    relief = regression.tension(now) - regression.tension(found)
+    # Where the smoother leaves next to no force, what shows in the readings is all of it, and not many times it.
+    hidden = relief > better.sum() and relief > 0
+    share = 1.0 if hidden else min(float(taken[place]), 1.0)
+    if all(_is_no_force(regression, i) for i in option.members):
+        share = max(share, float(better.sum() / errors.sum()))
+    error = float(better.std() * np.sqrt(len(better)))
+    places = places_of(regression, found)
+    return Trial(option, found, p, float(better.sum()) + relief, error, share, place, left, places, bool(hidden))
+
+
+def _is_no_force(regression: Regression, member: int) -> bool:
+    """Whether a candidate is an error of sensors of force or acceleration: the trajectory does not follow those, and so
+    it shows in what is not predicted, not in the missing force."""
+    candidate, track = regression.columns.candidates[member], regression.smoothed.track
+    if candidate.effect.enters != "measurement":
+        return False
+    return bool(track.late[measured_by(track.recording.channels, candidate.site)].all())
+
+
+def backward(regression: Regression, before: Estimate, found: Estimate) -> Estimate:
+    """Drop columns that were added, one after the other, whose absence costs no more than chance."""
+    while True:
+        added = [c for c in found.kept if c not in before.kept]
+        tried = [(regression.proper([k for k in found.kept if k != c]), c) for c in added]
+        odds = [(chance(*regression.gain(without, found), 1), without) for without, _ in tried]
+        worst = max(odds, key=lambda pair: pair[0], default=(0.0, found))
+        if worst[0] * len(added) <= P_ALARM or len(added) < 2:
+            return found
+        found = worst[1]
+
+
+def lag(regression: Regression, best: Trial, other: Trial) -> float:
+    """How far `other` is behind, in twice log likelihoods, as far as stretches are independent."""
+    step = np.zeros(regression.gram.shape[1])
+    step[list(best.estimate.kept)] += best.estimate.values
+    step[list(other.estimate.kept)] -= other.estimate.values
+    apart = step @ regression.gram.sum(0) @ step
+    behind = other.errors - best.errors
+    spread = behind.var() * len(behind)
+    return float(behind.sum() / max(1.0, spread / max(4 * apart, 1e-300)))
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What one number of a fit is worth: chance of so much of it where there is none, and the square of its force, as
+    the largest share of what was missing at a place; 1 of what acts on readings only."""
+
+    p: float
+    share: float
+
+
+def worth(regression: Regression, column: int, step: float, missing: np.ndarray) -> Worth:
+    """What the number in `column` is worth; `step` of its coordinate takes it away."""
+    kept = tuple(range(regression.p))
+    estimate = Estimate(kept, np.zeros(len(kept)), 0.0, np.zeros((0, len(kept))))
+    variance = regression.covariance(estimate)[column, column]
+    p = float(2 * stats.t.sf(abs(step) / np.sqrt(max(variance, 1e-300)), max(regression.count - 1, 1)))
+    smoothed = regression.smoothed
+    change = smoothed.linear.offsets[:, : 2 * smoothed.track.model.nv, 1 + column] * step
+    # Where a joint sticks, what rubs it may be any force that would move it: there it counts in full.
+    force = np.einsum("kji,ki->kj", inverse_of_push(smoothed.track, smoothed.linear, sticks=False), change)
+    if not force.any():  # of what is read, not of what acts
+        return Worth(p, 1.0)
+    return Worth(p, float(((force**2).sum(0) / np.maximum(missing, 1e-300)).max()))

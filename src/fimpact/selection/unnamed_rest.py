@@ -1,0 +1,123 @@
+"""What is left without a name: whether it follows one thing at one joint, on stretches to which nothing was fitted.
+
+A smooth function of a joint's position, speed, load, time in the run or contact mode, alone or against the motion as
+friction is, is no physics; but it tells whether and where physics is left, and a name that it beats is no name (Anau
+Montel, Alvey, Weniger, arXiv 2412.15100).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from fimpact.deciding import P_ALARM, SHARE, UNLIKELY
+from fimpact.effects.base import Coefficient, Effect
+from fimpact.effects.sites import ON_JOINT
+from fimpact.selection.one_round import search
+from fimpact.selection.options import Option
+from fimpact.selection.regression import Regression
+from fimpact.selection.substitutes import NOTHING, exchanges
+from fimpact.smoothing.candidates import Candidate
+from fimpact.smoothing.columns import columns
+from fimpact.smoothing.dynamics.laws import expected_sign, middle, predicted_commands, speed_doubt
+from fimpact.smoothing.noise_levels import CHANGE
+from fimpact.smoothing.smoother import Smoothed
+
+FREE = mujoco.mjtJoint.mjJNT_FREE
+KNOTS = 8  # of a smooth function, from the least to the most of what it follows
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What is left without a name. dof, follows: where, and what it follows there, None: nothing smooth. share: of the
+    squared force that was missing there. doubted: names (``effect@site``) that explain less than half
+    of what such a function does."""
+
+    dof: int | None
+    follows: str | None
+    share: float
+    doubted: tuple[str, ...]
+
+
+def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
+    """Regress what `fit` leaves on smooth functions; missing: squared force that the naive model lacks, (nv,)."""
+    tried = smooth_functions(fit)
+    regression = Regression(fit, columns(fit, tried))
+    offered = [Option(own.name, 0, (i,)) for i, own in enumerate(tried)]
+    best = next((t for t in search(regression, offered, missing, SHARE).tried if _shows(t)), None)
+    others = exchanges(regression, offered)
+    worth = {e.place: -e.better for e in others if e.option.name == NOTHING}
+    likelier = [e for e in others if e.option.name != NOTHING and e.sure and e.weight * UNLIKELY > 1]
+    # No named law is exact: it is doubted where it explains less than half of what a smooth function does.
+    stronger = {e.place for e in likelier if e.better > worth[e.place]}
+    doubted = tuple(fit.placed[place].name for place in sorted(stronger))
+    if best is None:
+        return Leftover(None, None, 0.0, doubted)
+    what, dof = best.option.name.split("@")
+    return Leftover(int(dof), what, best.share, doubted)
+
+
+def _shows(trial) -> bool:
+    return trial.p < P_ALARM and trial.sure > 0 and trial.share > SHARE
+
+
+def smooth_functions(fit: Smoothed) -> list[Candidate]:
+    """Hat functions of all that may be followed, alone and against the motion; nothing while a contact begins or ends,
+    where what is missing is what an impact within a sample leaves."""
+    states, doubt = fit.states, speed_doubt(fit.track, fit.states, fit.doubt)
+    against = -expected_sign(middle(fit.track, states)[1], doubt)
+    found, calm = [], 1.0 * (fit.levels.mode != CHANGE)
+    for dof, what, values in _followed(fit):
+        found.append(_smooth(fit, dof, what, values, calm))
+        if what != "speed":
+            found.append(_smooth(fit, dof, f"friction with {what}", values, calm * against[:, dof]))
+    return [own for own in found if own]
+
+
+def _followed(fit: Smoothed) -> Iterator[tuple[int, str, np.ndarray]]:
+    """Degree of freedom, what may be followed there, and its values along the motion, (N,)."""
+    track, model = fit.track, fit.track.model
+    qpos, qvel = middle(track, fit.states)
+    load = predicted_commands(track, track.ctrl, fit.tau).mean(1)
+    motors = {model.jnt_dofadr[model.actuator_trnid[m, 0]]: m for m in range(model.nu) if _on_joint(model, m)}
+    for dof in range(model.nv):
+        joint = model.dof_jntid[dof]
+        first, kind = dof - model.jnt_dofadr[joint], mujoco.mjtJoint(model.jnt_type[joint])
+        if kind in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE) or (first < 3 and kind == FREE):
+            yield dof, "position", qpos[:, model.jnt_qposadr[joint] + first]
+        yield dof, "speed", qvel[:, dof]
+        yield dof, "time", track.time
+        if dof in motors:
+            yield dof, "load", load[:, motors[dof]]
+        if len(fit.levels.force) > 1:
+            yield dof, "contact", fit.levels.mode
+
+
+def _on_joint(model: mujoco.MjModel, motor: int) -> bool:
+    return model.actuator_trntype[motor] == ON_JOINT
+
+
+def _smooth(fit: Smoothed, dof: int, what: str, values: np.ndarray, times: np.ndarray) -> Candidate | None:
+    """Hat functions of what is followed, each as large as the force that is left; None where it does not change."""
+    if what.endswith("contact"):
+        knots = np.unique(values)
+    else:
+        low, high = np.quantile(values, [0.01, 0.99])
+        knots = np.linspace(low, high, KNOTS)
+    size = float(np.sqrt(np.mean(fit.tau[:, dof] ** 2)))
+    if not (np.diff(knots) > 0).all() or len(knots) < 2 or not size > 0:
+        return None
+    rows = np.array([np.interp(values, knots, one) for one in np.eye(len(knots))]).T * times[:, None]
+    names = tuple(f"w{i}" for i in range(len(knots)))
+
+    def law(state, site, **weights):
+        return state.on_joint(dof, rows @ np.array([weights[name] for name in names]))
+
+    none = dict.fromkeys(names, 0.0)
+    effect = Effect(
+        what, "leftover", "", "", "", "force", tuple(Coefficient(name, "") for name in names), lambda *_: [],
+        lambda *_: [], law, none,
+    )  # fmt: skip
+    some = dict.fromkeys(names, size)
+    return Candidate(effect, str(dof), {}, names, (size,) * len(names), (False,) * len(names), some, {}, some)

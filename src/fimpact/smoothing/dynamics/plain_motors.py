@@ -1,0 +1,30 @@
+"""Motors that give what their command says, at once."""
+
+import mujoco
+import numpy as np
+
+from fimpact.effects.sites import ON_JOINT
+from fimpact.smoothing.states import BALL, FREE
+
+
+def is_plain(model: mujoco.MjModel, motor: int) -> bool:
+    """Whether a motor gives a hinge or a slide what its command says, at once."""
+    joint = model.actuator_trnid[motor, 0]
+    return bool(
+        model.actuator_trntype[motor] == ON_JOINT
+        and model.jnt_type[joint] not in (FREE, BALL)
+        and not model.jnt_actfrclimited[joint]
+        and model.actuator_dyntype[motor] == mujoco.mjtDyn.mjDYN_NONE
+        and model.actuator_gaintype[motor] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
+    )
+
+
+def given_by(model: mujoco.MjModel, motor: int, ctrl: np.ndarray) -> np.ndarray:
+    """Force of a plain motor on its joint under commands `ctrl`, within its limits."""
+    if model.actuator_ctrllimited[motor]:
+        ctrl = np.clip(ctrl, *model.actuator_ctrlrange[motor])
+    force = model.actuator_gainprm[motor, 0] * ctrl
+    if model.actuator_forcelimited[motor]:
+        force = np.clip(force, *model.actuator_forcerange[motor])
+    return force * model.actuator_gear[motor, 0]

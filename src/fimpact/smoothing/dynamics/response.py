@@ -1,0 +1,193 @@
+"""What a change of the plant does to every sample: a force where it is held over the sample, else simulated."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from fimpact.effects.sites import ON_JOINT
+from fimpact.effects.touching import can_touch
+from fimpact.simulation.servo_steps import is_long
+from fimpact.smoothing.dynamics.inverse import EDITED, RESTING, Inverse, edits
+from fimpact.smoothing.dynamics.laws import reading_of
+from fimpact.smoothing.dynamics.sampled_commands import Commands
+from fimpact.smoothing.dynamics.track import Plant, Step
+from fimpact.smoothing.states import States
+
+NUDGE = 1e-6  # rad, m and their rates: step of a difference quotient of the state
+CHANGED = 0.2  # of a number of the model: derivatives are renewed
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Derivatives of each sample by coordinates of its state and missing force, m = n + nv: advance (N, n, m) of the
+    next state, reads (N, ny, m) of the readings; model: the one they belong to."""
+
+    advance: np.ndarray
+    reads: np.ndarray
+    model: mujoco.MjModel
+
+    def hold(self, model: mujoco.MjModel) -> bool:
+        """Whether they are those of `model` too, as well as a step needs them."""
+        for name in EDITED:
+            before, after = (np.asarray(getattr(own, name), float) for own in (self.model, model))
+            if np.any(np.abs(after - before) > CHANGED * np.maximum(np.abs(before), np.abs(after))):
+                return False
+        return np.array_equal(model.opt.gravity, self.model.opt.gravity)
+
+
+@dataclass(frozen=True)
+class Change:
+    """What something does: to the next state (N, n), to the readings (N, ny), as a force (N, nv)."""
+
+    after: np.ndarray
+    readings: np.ndarray
+    force: np.ndarray
+
+    def scaled(self, factor: float) -> "Change":
+        """So many times the same."""
+        return Change(self.after * factor, self.readings * factor, self.force * factor)
+
+    @property
+    def finite(self) -> bool:
+        """Whether it is a number everywhere, and something."""
+        parts = self.after, self.readings, self.force
+        return all(np.isfinite(own).all() for own in parts) and any(own.any() for own in parts)
+
+
+class Response:
+    """What changes of `plant` do along `states` with the missing force `tau`, (N, nv)."""
+
+    def __init__(self, plant: Plant, states: States, tau: np.ndarray, inverse: Inverse | None = None):
+        self.plant, self.states, self.tau = plant.plain, states, tau
+        self.track = plant.track
+        self.long = is_long(plant.model, self.track.period)
+        self.inverse = inverse or Inverse(self.track, states)
+        self._told: tuple[Commands, bool, Step] | None = None
+
+    @cached_property
+    def near(self) -> Step:
+        """The samples ahead under the plant itself."""
+        return self.plant.step(self.states, self.tau)
+
+    @cached_property
+    def _near(self) -> Step:
+        """The same roughly."""
+        plant = self._rough(self.plant)
+        return self.near if plant.model is self.plant.model else plant.step(self.states, self.tau)
+
+    def _rough(self, plant: Plant) -> Plant:
+        """`plant` at the step at which a fit's derivatives are taken: the model's own, but for contact, which has no
+        order. Where a fit ends, they hardly count; what a column says is read off them."""
+        return plant.plain if can_touch(plant.model) else plant.coarse
+
+    def slopes(self, spread: np.ndarray | None = None) -> Slopes:
+        """Derivatives by state and missing force: one simulation of all samples for each coordinate, at the model's own
+        time step: a derivative hardly feels its error.
+
+        Args:
+            spread: sd of the missing force, (nv,), to both sides of which its derivative is taken; None: it is the
+                tangent.
+        """
+        track, space, plant = self.track, self.track.space, self.plant.coarse
+        same = plant.model.opt.timestep == self._rough(self.plant).model.opt.timestep
+        near = self._near if same else plant.step(self.states, self.tau)
+        n, nv = space.size, track.model.nv
+        advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
+        tiny = 1e-4 * np.maximum(track.model.dof_M0, 1e-9) / track.period
+        for j in range(n + nv):
+            own, unit = (NUDGE, np.eye(n)[j]) if j < n else (tiny[j - n], np.eye(nv)[j - n])
+            if j < n:
+                found, other = (
+                    plant.step(space.plus(self.states, np.tile(own * unit, (track.count, 1))), self.tau),
+                    near,
+                )
+            elif spread is None:
+                found, other = plant.step(self.states, self.tau + own * unit), near
+            else:
+                own = max(own, spread[j - n])
+                found, other = (plant.step(self.states, self.tau + side * own / 2 * unit) for side in (1, -1))
+            advance[:, :, j] = space.minus(found.after, other.after) / own
+            reads[:, :, j] = (found.readings - other.readings) / own
+        return Slopes(advance, reads, self.plant.model)
+
+    def nothing(self) -> Change:
+        """No change."""
+        track = self.track
+        sizes = track.space.size, len(track.recording.channels), track.model.nv
+        return Change(*(np.zeros((track.count, size)) for size in sizes))
+
+    def __call__(self, plant: Plant, told: Commands | None = None, roughly: bool = False) -> Change:
+        """What `plant` does more than this response's own.
+
+        Args:
+            told: commands under which both are judged; None: each under its own. roughly: at the step of `_rough`.
+        """
+        held = self._held(plant, told)
+        if held is not None:
+            return held
+        near = self._near if roughly else self.near
+        if told is not None:
+            plant, near = replace(plant, ctrl=told), self._under(told, roughly)
+        judged = self._rough(plant) if roughly else plant.plain
+        found = judged.step(self.states, self.tau * heavier(plant.model, self.plant.model))
+        nothing = self.nothing()
+        return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
+
+    def _held(self, plant: Plant, told: Commands | None) -> Change | None:
+        # A force that follows the position hardly changes within a sample, however stiff the servo.
+        edited = edits(plant.model, self.plant.model)
+        rubs = not np.array_equal(plant.model.dof_frictionloss, self.plant.model.dof_frictionloss)
+        simulated = self.long and not (edited and edited <= set(RESTING))
+        if rubs or simulated or (told is None and not plant.ctrl.same(self.plant.ctrl)):
+            return None
+        before, after = self.plant.model, plant.model
+        force = self.inverse.change(after, before, (self.plant.ctrl if told is None else told).mean)
+        if force is None:
+            return None
+        force = force + plant.force - self.plant.force + self.tau * (heavier(after, before) - 1.0)
+        return Change(self.nothing().after, self._read(plant), force)
+
+    def _read(self, plant: Plant) -> np.ndarray:
+        """What laws of sensors and gears change of the readings."""
+        laws, own = plant.placed, self.plant.placed
+        if laws == own or not any(p.effect.enters in ("measurement", "gear") for p in (*laws, *own)):
+            return self.nothing().readings
+        raw, ends = self._raw.readings, []
+        for placed in (laws, own):
+            readings = raw
+            for law in placed:
+                readings = reading_of(self.track, law, self.states, readings, plant.surprise)
+            ends.append(readings)
+        return ends[0] - ends[1]
+
+    @cached_property
+    def _raw(self) -> Step:
+        return self.track.ahead(self.plant.models, self.states, self.plant.ctrl, self.plant.force + self.tau)
+
+    def _under(self, told: Commands, roughly: bool) -> Step:
+        if self._told is None or self._told[0] is not told or self._told[1] != roughly:
+            plant = self._rough(self.plant) if roughly else self.plant
+            self._told = told, roughly, replace(plant, ctrl=told).step(self.states, self.tau)
+        return self._told[2]
+
+
+def heavier(after: mujoco.MjModel, before: mujoco.MjModel) -> np.ndarray:
+    """By how much the inertia that each degree of freedom feels has grown, (nv,); 1 where a motor is.
+
+    Where nothing applied is known, forces are known up to their scale only, and least squares of them has the solution
+    that nothing weighs anything. There the missing force grows with the inertia: its acceleration is held.
+    """
+    grown = before.dof_invweight0 / np.maximum(after.dof_invweight0, 1e-300)
+    return np.where(driven(before), 1.0, grown)
+
+
+def driven(model: mujoco.MjModel) -> np.ndarray:
+    """Whether a motor acts on each degree of freedom, (nv,)."""
+    out = np.zeros(model.nv, bool)
+    for motor in range(model.nu):
+        if model.actuator_trntype[motor] != ON_JOINT:
+            return np.ones(model.nv, bool)
+        out |= model.dof_jntid == model.actuator_trnid[motor, 0]
+    return out

@@ -1,0 +1,296 @@
+"""The samples of a recording's runs, one after the other, and the model's own simulator over one of them."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from fimpact.effects.base import Placed
+from fimpact.effects.touching import can_touch
+from fimpact.recordings import Recording, Run
+from fimpact.simulation.hypothesis import Hypothesis
+from fimpact.simulation.inputs import FINER as PIECES
+from fimpact.simulation.nonsmooth import stop_within_a_step
+from fimpact.simulation.servo_steps import is_long
+from fimpact.simulation.simulator import Simulator
+from fimpact.simulation.state_guess import believed_noise
+from fimpact.simulation.windows import Windows, cut
+from fimpact.smoothing.dynamics.dry_friction import Rubbing, rubbing
+from fimpact.smoothing.dynamics.laws import DRY, force_of, reading_of
+from fimpact.smoothing.dynamics.sampled_commands import Commands, sharp
+from fimpact.smoothing.states import States, Tangent, tangent
+
+LONG = 256  # samples that a law with a memory is given to gather it
+ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one sample leads to: the states after it, and the readings (N, ny) at its start."""
+
+    after: States
+    readings: np.ndarray
+
+
+class Track:
+    """All samples of `runs`, N of them, row after row, and what the model makes of each.
+
+    finer: parts of the simulator's time step in which contact is simulated where its error counts.
+    """
+
+    def __init__(self, simulator: Simulator, runs: Sequence[Run], finer: int = 1):
+        self.simulator, self.runs, self.finer = simulator, tuple(runs), finer
+        self.model: mujoco.MjModel = simulator.base
+        self.recording: Recording = simulator.recording
+        self.period = self.recording.period
+        self.space: Tangent = tangent(self.model)
+        self.lengths = np.array([len(run.measured) for run in runs])
+        self.bounds = np.concatenate([[0], np.cumsum(self.lengths)])
+        self.measured = np.concatenate([run.measured for run in runs])
+        self.count = len(self.measured)
+        self.last = np.zeros(self.count, bool)
+        self.last[self.bounds[1:] - 1] = True
+        self.run_of = np.repeat(np.arange(len(runs)), self.lengths)
+        self.steps = 0  # simulated so far
+        self._believed: tuple[np.ndarray, tuple] | None = None
+        self._given: dict[str, Commands] = {}  # as laws changed them last, and the time before
+        self.time = np.concatenate([np.arange(length) * self.period for length in self.lengths])
+
+    @cached_property
+    def windows(self) -> Windows:
+        """The runs as windows, one each, padded."""
+        return cut(self.runs, 0) if len(self.runs) == 1 else _whole(self.runs)
+
+    @cached_property
+    def long(self) -> bool:
+        """Whether a sample is long against the servos: within it joints turn back, and dry friction is simulated."""
+        return is_long(self.model, self.period)
+
+    @cached_property
+    def ctrl(self) -> np.ndarray:
+        """Commands as recorded, (N, 1, nu)."""
+        return np.concatenate([run.ctrl for run in self.runs])[:, None]
+
+    @cached_property
+    def late(self) -> np.ndarray:
+        """Which channels read forces or accelerations, (ny,)."""
+        sensors = [self.model.sensor(name.partition("[")[0]).id for name in self.recording.channels]
+        return self.model.sensor_needstage[sensors] == ACCELERATION
+
+    def believed(self, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest sd of the readings that is believed, (ny,) each; noise: what the samples show."""
+        if self._believed is None or not np.array_equal(self._believed[0], noise):
+            self._believed = noise, believed_noise(self.recording, noise)
+        return self._believed[1]
+
+    def slices(self) -> list[slice]:
+        """Rows of each run."""
+        return [slice(a, b) for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)]
+
+    @cached_property
+    def pieces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (pieces, n) of stretches that a law with a memory passes side by side, and which of them count, a mask:
+        before the others it only gathers what it remembers. Runs no longer than a stretch begin at their start."""
+        rows, counted = [], []
+        size = 2 * LONG
+        for part in self.slices():
+            for begin in range(part.start, part.stop, LONG):
+                index = np.arange(max(begin - LONG, part.start), min(begin + LONG, part.stop))
+                filled = np.pad(index, (0, size - len(index)), "edge")
+                rows.append(filled)
+                counted.append((filled >= begin) & (np.arange(size) < len(index)))
+        return np.array(rows), np.array(counted)
+
+    def gathered(self, pieces: np.ndarray) -> np.ndarray:
+        """Rows (N, ...) of an array by piece, (pieces, n, ...)."""
+        rows, counted = self.pieces
+        out = np.empty((self.count, *pieces.shape[2:]))
+        out[rows[counted]] = pieces[counted]
+        return out
+
+    def flat(self, padded: np.ndarray) -> np.ndarray:
+        """Rows (N, ...) of an array by run, (runs, longest, ...)."""
+        return np.concatenate([padded[i, :n] for i, n in enumerate(self.lengths)])
+
+    def padded(self, rows: np.ndarray) -> np.ndarray:
+        """An array by run, (runs, longest, ...), of `rows` (N, ...), each run continued by its last."""
+        index = np.minimum(np.arange(self.lengths.max()), self.lengths[:, None] - 1) + self.bounds[:-1, None]
+        return rows[index]
+
+    def commands(self, placed: Sequence[Placed] = ()) -> Commands:
+        """Commands that reach the plant, as the laws of commands among `placed` change them."""
+        laws = [p for p in placed if p.effect.enters == "command"]
+        if not laws:
+            return Commands(self.ctrl)
+        key = repr([(law.name, law.values) for law in laws])
+        if key not in self._given:
+            inputs, substeps = self.simulator.commands, self.simulator.substeps
+            laws, jumps = sharp(laws, self.period, substeps * PIECES) if self.long else (laws, ())
+            whole = self.windows.ctrl[:, : self.lengths.max()]
+            given = inputs.pieces(laws, replace(self.windows, ctrl=whole))
+            given = given.reshape(len(given), -1, substeps * PIECES, given.shape[2])
+            values = given if jumps else given.reshape(*given.shape[:2], substeps, PIECES, -1).mean(3)
+            last = list(self._given.items())[-1:]
+            self._given = dict([*last, (key, Commands(self.flat(values), jumps))])
+        return self._given[key]
+
+    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force: np.ndarray) -> Step:
+        """One sample ahead of each state under `ctrl` and `force` (N, nv).
+
+        Args:
+            models: the plant at the time step, and where the step's error is to be taken out, at a finer one.
+        """
+        least = round(self.period / models[0].opt.timestep)
+        if len(models) == 1 or can_touch(self.model):
+            return self._ahead(models[-1], states, ctrl, force, least)
+        ends = [self._ahead(model, states, ctrl, force, least) for model in models]
+        # Richardson: what half the step changes is added once more
+        after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
+        return Step(after, ends[0].readings)
+
+    @property
+    def quanta(self) -> float:
+        """What was simulated so far, in simulations of all samples at the model's own time step."""
+        return self.steps / (self.count * self.simulator.substeps)
+
+    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force: np.ndarray, least: int) -> Step:
+        first = None
+        for leg, given in ctrl.legs(model, self.period, least):
+            *after, readings = self.simulator.advance(leg, states.qpos, states.qvel, states.act, given, force)
+            self.steps += (given.shape[1] if given.ndim == 3 else round(self.period / leg.opt.timestep)) * len(states)
+            states, first = States(*after), readings if first is None else first
+        assert first is not None  # a period has at least one leg
+        return Step(states, first)
+
+    def read(self, model: mujoco.MjModel, states: States, ctrl: Commands) -> np.ndarray:
+        """Readings, (N, ny), in each state under `ctrl`."""
+        self.steps += len(states)
+        still = np.zeros((len(states), model.nv))
+        now = states.qpos, states.qvel, states.act, ctrl.values[:, :1]
+        return self.simulator.advance(model, *now, still)[3]
+
+    def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, ...]:
+        """`model`, and the same at the finer time step that takes the step's error out: half of it, from which it is
+        extrapolated, and where something may touch, which has no order, as fine as is worth it."""
+        finer = copy.copy(model)
+        finer.opt.timestep /= self.finer if can_touch(self.model) else 2
+        if self.long:
+            stop_within_a_step(finer)
+        return (model,) if finer.opt.timestep == model.opt.timestep else (model, finer)
+
+    def plant(
+        self, placed: Sequence[Placed], theta, states: States, tau: np.ndarray, doubt, sign=None, surprise=0.0
+    ) -> "Plant":
+        """The plant of a hypothesis; laws that MuJoCo lacks act as they do along `states`.
+
+        Args:
+            tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). sign: of the speeds for dry friction, where
+                it is known already. surprise: as in `laws.reading_of`.
+        """
+        model = self.model_of(placed, theta)
+        dry = self._taken_dry(model)
+        laws = [law for law in placed if law.effect.enters == "friction"]
+        rub = rubbing(self, model, dry, laws, states, tau, doubt, sign)
+        force = rub.force.copy()
+        for law in placed:
+            if law.effect.enters != "friction":
+                force += force_of(self, law, states, tau, doubt)
+        return Plant(
+            self,
+            self.at_steps(model),
+            tuple(placed),
+            self.commands(placed),
+            force,
+            rub,
+            states,
+            tau,
+            dry,
+            surprise,
+        )
+
+    def model_of(self, placed: Sequence[Placed], theta: np.ndarray) -> mujoco.MjModel:
+        """The model of a hypothesis, laws left out."""
+        return self.simulator.model(Hypothesis(theta, tuple(placed)))
+
+    def _taken_dry(self, model: mujoco.MjModel) -> np.ndarray:
+        """Take dry friction out of `model`; returns it, (nv,).
+
+        The model's own, too: real friction turns over with the speed, MuJoCo's some milliseconds later.
+        """
+        if self.long:
+            stop_within_a_step(model)
+            return np.zeros(model.nv)
+        dry = model.dof_frictionloss.copy()
+        for name in DRY:
+            getattr(model, name)[:] = getattr(self.model, name)
+        model.dof_frictionloss[:] = 0.0
+        return dry
+
+    def next(self, states: States) -> States:
+        """The state of each row's next, of the last in each run its own."""
+        rows = np.minimum(np.arange(self.count) + ~self.last, self.count - 1)
+        return states[rows]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What a hypothesis makes of each sample: the model at its time steps, commands, forces of laws, (N, nv), dry
+    friction among them, along the states `around`, and what readings there hold beyond what was foretold, (N, ny).
+
+    dry: friction that is taken out of the models, (nv,), where it is held over a sample.
+    """
+
+    track: Track
+    models: tuple[mujoco.MjModel, ...]
+    placed: tuple[Placed, ...]
+    ctrl: Commands
+    force: np.ndarray
+    rubbing: Rubbing
+    around: States
+    tau: np.ndarray
+    dry: np.ndarray
+    surprise: np.ndarray | float = 0.0
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model at its own time step."""
+        return self.models[0]
+
+    @property
+    def plain(self) -> "Plant":
+        """The same at one time step only: a derivative hardly feels the step's error."""
+        return replace(self, models=self.models[:1])
+
+    @property
+    def coarse(self) -> "Plant":
+        """The same at the time step that the model itself has."""
+        simulator = self.track.simulator
+        substeps = max(round(simulator.substeps / simulator.refine), 2)
+        if substeps >= simulator.substeps:
+            return self.plain
+        model = copy.copy(self.model)
+        model.opt.timestep = self.track.period / substeps
+        if self.track.long:
+            stop_within_a_step(model)
+        return replace(self, models=(model,))
+
+    def step(self, states: States, tau: np.ndarray) -> Step:
+        """One sample ahead of each state with the missing force `tau` (N, nv)."""
+        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau)
+        readings = found.readings
+        for law in self.placed:
+            readings = reading_of(self.track, law, self.around, readings, self.surprise)
+        return Step(found.after, readings)
+
+
+def _whole(runs: Sequence[Run]) -> Windows:
+    longest = max(len(run.measured) for run in runs)
+    measured = np.full((len(runs), longest, runs[0].measured.shape[1]), np.nan)
+    for row, run in zip(measured, runs, strict=True):
+        row[: len(run.measured)] = run.measured
+    ctrl = np.array([run.ctrl[np.minimum(np.arange(2 * longest), len(run.ctrl) - 1)] for run in runs])
+    zeros = np.zeros(len(runs), int)
+    return Windows(np.arange(len(runs)), zeros, measured, ctrl, tuple(run.name for run in runs))

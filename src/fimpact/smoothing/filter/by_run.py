@@ -1,0 +1,71 @@
+"""The filter of `kalman` over all runs of a track, run by run on all threads."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fimpact.simulation.simulator import threads
+from fimpact.smoothing.filter import kalman
+
+if TYPE_CHECKING:
+    from fimpact.smoothing.dynamics.linear import Linear
+    from fimpact.smoothing.dynamics.track import Track
+    from fimpact.smoothing.noise_levels import Levels
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """Gains (N, ny, m), innovation sd (N, ny) and factors of the states' covariance before their readings (N, n, n)."""
+
+    gains: np.ndarray
+    sd: np.ndarray
+    before: np.ndarray
+
+    def adjoint(self, track: "Track", linear: "Linear", innovations: np.ndarray) -> list[np.ndarray]:
+        """`kalman.adjoint` of innovations (N, ny, c)."""
+        parts = linear.advance, linear.reads, self.gains, self.sd, innovations
+        return _over_runs(track, lambda rows, i: kalman.adjoint(*(part[rows] for part in parts)))
+
+
+def filtered(track: "Track", linear: "Linear", levels: "Levels") -> Filtered:
+    """Filter the covariance of every run at the given noise levels."""
+    noise = np.where(np.isfinite(track.measured), levels.reading * levels.louder, np.inf)
+    parts = linear.advance, linear.reads, noise, levels.forces
+    return Filtered(
+        *_over_runs(
+            track,
+            lambda rows, i: kalman.covariances(*(part[rows] for part in parts), np.diag(linear.spread[i])),
+        )
+    )
+
+
+def swept(track: "Track", linear: "Linear", own: Filtered, pulls: np.ndarray) -> list[np.ndarray]:
+    """Innovations (N, ny, c) in sd and means (N, m, c) of columns, the first ones those of `linear`.
+
+    Args:
+        pulls: mean of the missing force, (N, nv, c).
+    """
+    first = np.zeros((len(track.lengths), track.space.size, pulls.shape[2]))
+    first[:, :, 0] = linear.first
+    parts = linear.advance, linear.reads, own.gains, own.sd
+
+    def work(rows, i):
+        ends = linear.offsets[rows], linear.left[rows], pulls[rows]
+        return kalman.means(*(part[rows] for part in parts), first[i], *map(np.ascontiguousarray, ends))
+
+    return _over_runs(track, work)
+
+
+def variances(track: "Track", linear: "Linear", own: Filtered) -> list[np.ndarray]:
+    """`kalman.adjoint_variances` of every run."""
+    parts = linear.advance, linear.reads, own.gains, own.sd
+    return _over_runs(track, lambda rows, i: kalman.adjoint_variances(*(part[rows] for part in parts)))
+
+
+def _over_runs(track: "Track", work: Callable) -> list[np.ndarray]:
+    with ThreadPoolExecutor(threads()) as pool:
+        found = list(pool.map(lambda pair: work(pair[1], pair[0]), enumerate(track.slices())))
+    return [np.concatenate(parts) for parts in zip(*found, strict=True)]
