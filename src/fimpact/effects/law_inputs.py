@@ -89,7 +89,7 @@ class Signal:
     force of each actuator. joint_of: the channel measures the position of this joint, or "" if it does not.
     driven_by: the actuator that drives that joint, or -1. holding: whether each actuator holds a position; before the
     start of a run it is told the first one, any other nothing. since: (n, 1), s, where what is asked for begins if
-    `time` reaches back further.
+    `time` reaches back further. noise: (n, T, nu), what of `ctrl` is noise of a log that no motor has felt, or None.
     """
 
     time: np.ndarray
@@ -101,6 +101,7 @@ class Signal:
     driven_by: tuple[int, ...]
     holding: tuple[bool, ...] = ()
     since: np.ndarray | None = None
+    noise: np.ndarray | None = None
 
     @property
     def begin(self) -> np.ndarray:

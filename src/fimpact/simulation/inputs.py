@@ -6,12 +6,15 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
+from scipy.interpolate import make_smoothing_spline
 
+from fimpact.deciding import NOTHING
 from fimpact.effects.base import Placed
 from fimpact.effects.law_inputs import Signal
 from fimpact.recordings import Recording
 from fimpact.simulation.windows import Windows
 
+POWERS = (-4.0, 12.0)  # of ten: smoothness of splines, from the signal itself to a straight line
 FINER = 16  # pieces of a step in which a law between command and motor is evaluated
 
 
@@ -20,6 +23,7 @@ class InputSignal:
 
     def __init__(self, model: mujoco.MjModel, recording: Recording, substeps: int):
         self.model, self.recording, self.substeps = model, recording, substeps
+        self._noise: dict[tuple, np.ndarray] = {}
         sensors = [model.sensor(name.partition("[")[0]).id for name in recording.channels]
         # What a sensor of forces or accelerations reads depends on the command of the very moment.
         self.instant = bool(np.any(model.sensor_needstage[sensors] == mujoco.mjtStage.mjSTAGE_ACC))
@@ -57,9 +61,21 @@ class InputSignal:
         """Commands of whole runs as `laws` change them, in `FINER` pieces of each step, (runs, T, nu)."""
         ctrl = np.repeat(windows.ctrl, self.substeps * FINER, 1)
         time = np.broadcast_to(np.arange(ctrl.shape[1]) * (self.model.opt.timestep / FINER), ctrl.shape[:2])
+        noise = np.repeat(self._noise_in(windows.ctrl), self.substeps * FINER, 1)
         for law in laws:
-            ctrl = law.effect.law(ctrl, self.describe(time, ctrl), law.site, **law.values)
+            signal = replace(self.describe(time, ctrl), noise=noise)
+            ctrl = law.effect.law(ctrl, signal, law.site, **law.values)
         return ctrl
+
+    def _noise_in(self, ctrl: np.ndarray) -> np.ndarray:
+        """What of commands (runs, T, nu) is noise of the log: of torques that are measured, not of targets."""
+        key = ctrl.shape, hash(ctrl.tobytes())
+        if key not in self._noise:
+            found = np.zeros_like(ctrl)
+            for own in np.flatnonzero(self.model.actuator_biastype == mujoco.mjtBias.mjBIAS_NONE):
+                found[:, :, own] = noise_in(ctrl[:, :, own])
+            self._noise = {key: found}
+        return self._noise[key]
 
     @cached_property
     def _rig(self) -> Signal:
@@ -70,6 +86,25 @@ class InputSignal:
         actuators = tuple(model.actuator(i).name for i in range(model.nu))
         holding = tuple((model.actuator_biasprm[:, 1] != 0).tolist())
         return Signal(np.zeros((0, 0)), none, self.recording.channels, actuators, none, joints, driven, holding)
+
+
+def noise_in(signals: np.ndarray) -> np.ndarray:
+    """White noise of signals (runs, T): what a smoothing spline leaves that lies as far from them as their third
+    differences say (Reinsch, Numerische Mathematik 10, 1967); nothing of smooth signals, nor of steps."""
+    thirds = np.abs(np.diff(signals, 3, axis=1))
+    level = np.median(thirds[thirds > 0]) / np.sqrt(20.0) if np.mean(thirds > 0) > 0.5 else 0.0  # variances add up
+    if level <= NOTHING * signals.std():
+        return np.zeros_like(signals)
+    time = np.arange(signals.shape[1], dtype=float)
+
+    def left(power: float) -> np.ndarray:
+        return signals - make_smoothing_spline(time, signals.T, lam=10.0**power)(time).T
+
+    least, most = POWERS
+    while most - least > 0.1:
+        power = (least + most) / 2
+        least, most = (power, most) if np.median(np.abs(left(power))) < level else (least, power)
+    return left(least)
 
 
 def _joint_of(model: mujoco.MjModel, channel: str) -> str:

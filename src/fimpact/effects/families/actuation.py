@@ -49,11 +49,13 @@ def command_delay(ctrl, signal: Signal, site, delay):
 
 def actuator_lag(ctrl, signal: Signal, site, time):
     """First-order filter, from rest or from a servo's first target; its pole is chosen so that it holds back `time`
-    times each step of the command."""
+    times each step of the command. Noise of the log passes as it is: a filter that took it away would fit better
+    wherever there is some."""
     out, step = np.array(ctrl, float), _step(signal)
     kept, keep = _actuators(signal, site), time / (time + step)
     before = keep * signal.before(out)[:, :, kept]
-    out[:, :, kept] = lfilter([1 - keep], [1, -keep], out[:, :, kept], axis=1, zi=before)[0]
+    noise = 0.0 if signal.noise is None else signal.noise[:, :, kept]
+    out[:, :, kept] = noise + lfilter([1 - keep], [1, -keep], out[:, :, kept] - noise, axis=1, zi=before)[0]
     return out
 
 
