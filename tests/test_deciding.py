@@ -11,7 +11,7 @@ from fimpact import deciding
 
 MOST = 25
 PACKAGE = Path(deciding.__file__).parent
-MODULES = sorted(p for folder in ("smoothing", "selection", "diagnosis") for p in (PACKAGE / folder).glob("*.py"))
+MODULES = sorted(p for folder in ("smoothing", "selection", "diagnosis") for p in (PACKAGE / folder).rglob("*.py"))
 NUMERICAL = {0.5, *map(float, range(13))}  # too common to be anybody's: halves, squares and counts
 
 

@@ -23,8 +23,7 @@ FOLDS = 5  # of blocked validation
 STRETCHES = 10  # least number of stretches from which a spread is estimated
 BELIEF = 2.0  # standard errors that a gain is beyond nothing, and prior ones that a size is believed (METHOD 5, 6)
 CONFIDENCE = 0.95  # of intervals
-RIVALS = 4  # refitted beside the best in a round: each costs as much as the best
-MISSES = 4  # refits in a row that do not converge or fit no better: what could be told of the rest is told
+RIVALS = 4  # refits beside the best in a round, and refits in a row that come to nothing, after which no more is asked
 BUDGET = 400.0  # simulations of all samples: what is not found by then is told as what is left
 TYPICAL = 0.5  # of the prior sd of such parts, where it is least: there a compound begins
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MISSES, MOST, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
+from fimpact.deciding import BUDGET, MOST, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import has_servos
 from fimpact.selection.one_round import Round, Trial, search, worth
@@ -189,7 +189,7 @@ class Search:
         spread = regression.dispersion
         if not best.converged or best.loss(spread) > self.current.loss(spread):
             self.alternatives, self.misses, self.weak = others, self.misses + 1, weak
-            return self.misses < MISSES
+            return self.misses < RIVALS
         self.current, self.misses = best, 0
         self.rounds.append(found)
         added = tuple(p for p in best.placed if p.name not in known)
