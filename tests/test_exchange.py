@@ -1,5 +1,8 @@
 """What stands in the place of an effect that is in: likelier, simpler, or nothing."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from recorded import rod
@@ -13,6 +16,7 @@ from fimpact.selection.regression import Regression
 from fimpact.selection.substitutes import exchanges
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import columns
+from fimpact.smoothing.parameters import Parameter
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 
@@ -26,7 +30,7 @@ def begun_with(friction: float, effect: str, site: str) -> tuple[Search, Regress
     own = at(EFFECTS[effect], site, made.track.model, state.scales)[0]
     placed = [own.placed([0.1 * sd for sd in own.sd])]
     state.current = smooth(made.track, made.begun, made.noise, placed, [own.priors], state.naive)
-    tried = state.open(False)
+    tried = state.open()
     offered = options(made.track.model, made.track.recording.channels, tried)
     return state, Regression(state.current, columns(state.current, tried)), offered
 
@@ -83,3 +87,16 @@ def test_of_each_name_the_likeliest_shape_is_told():
 def test_without_effects_there_is_nothing_to_exchange():
     own = regression({0: 1.0}, white(2))
     assert exchanges(own, alone(2)) == []
+
+
+def test_what_adds_to_what_is_in_takes_its_place_nowhere():
+    """Data that hold an offset, which is in, and as much of another column."""
+    made = regression({0: 0.2, 1: 0.3}, white(2))
+    offset = Parameter("offset", "torque_offset@motor", "N m", 0, 0.2, 0.0, 1.0, -np.inf, np.inf, False, 1.0)
+    in_it = {"numbers": (offset,), "placed": (SimpleNamespace(effect=EFFECTS["torque_offset"]),)}
+    made.columns.innovations[..., 0] -= 0.2 * made.columns.innovations[..., 1]  # what is in is taken away already
+    smoothed = SimpleNamespace(**{**vars(made.smoothed), **in_it})
+    tried, other = made.columns.candidates[1:], alone(1)[0]
+    both = Regression(smoothed, replace(made.columns, candidates=tried, owners=((0, 0),)))
+    assert not [e for e in exchanges(both, [other]) if e.option is other]
+    assert [e for e in exchanges(both, [other], beside=[]) if e.option is other]

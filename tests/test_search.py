@@ -14,7 +14,7 @@ from fimpact.selection.forward import Search, explain
 from fimpact.selection.one_round import Trial, attempt, search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression
-from fimpact.selection.servo_drives import whole
+from fimpact.selection.servo_drives import refitted_whole
 from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.columns import Columns
 from fimpact.smoothing.prepare import prepare
@@ -116,24 +116,33 @@ def test_what_added_nothing_to_a_class_is_dropped_from_it():
 # ---- compounds
 
 
-def made_whole(coupled: bool, option: Option, kept: dict[int, float]) -> Trial:
-    """`whole` of a trial in which these columns were kept, after one number of the fit."""
+def refits(option: Option, kept: dict[int, float], coupled: bool = False, converges: bool = True) -> list[Trial]:
+    """Trials that are refitted for one in which these columns were kept, after one number of the fit."""
     members = [candidate("coulomb", "a", 2.0), candidate("coulomb", "b", 8.0), candidate("viscous", "a", 0.1)]
     members.append(candidate("viscous", "other", 0.05))
     columns = SimpleNamespace(candidates=members, owners=tuple((i, 0) for i in range(len(members))))
     estimate = Estimate(tuple(kept), np.array(list(kept.values())), 0.0, np.zeros((5, len(kept))))
-    trial = Trial(option, estimate, 0.0, 1.0, 0.1, 1.0, 0, np.zeros(1))
-    state = object.__new__(Search)
-    state.coupled = coupled
-    return whole(state, trial, SimpleNamespace(p=1, columns=columns))
+    trial, made = Trial(option, estimate, 0.0, 1.0, 0.1, 1.0, 0, np.zeros(1)), []
+
+    def refitted(regression, own):
+        made.append(own)
+        return SimpleNamespace(converged=converges)
+
+    refitted_whole(SimpleNamespace(coupled=coupled, refitted=refitted), SimpleNamespace(p=1, columns=columns), trial)
+    return made
+
+
+def values_of(trial: Trial) -> dict[int, float]:
+    return dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))
 
 
 DRIVES = Option("geared drive", 0, (0, 1, 2), True)
 
 
-def test_a_compound_begins_with_all_of_its_members_where_one_alone_goes_wrong():
-    begun = made_whole(True, DRIVES, {0: 0.3, 1: 0.9}).estimate
-    values = dict(zip(begun.kept, begun.values, strict=True))
+@pytest.mark.parametrize("coupled", [True, False])
+def test_a_compound_begins_with_all_of_its_members(coupled):
+    (begun,) = refits(DRIVES, {0: 0.3, 1: 0.9}, coupled)
+    values = values_of(begun)
     assert values[0] == 0.3  # the number of the fit
     assert values[1] == 0.9  # what the regression says, where that is more
     assert values[2] * 8.0 == pytest.approx(TYPICAL * 2.0)  # the size that is typical where it is least
@@ -142,15 +151,19 @@ def test_a_compound_begins_with_all_of_its_members_where_one_alone_goes_wrong():
 
 
 def test_a_member_that_is_less_than_typical_begins_there():
-    begun = made_whole(True, DRIVES, {0: 0.3, 1: 1e-3, 2: 2.0}).estimate
-    values = dict(zip(begun.kept, begun.values, strict=True))
+    values = values_of(refits(DRIVES, {0: 0.3, 1: 1e-3, 2: 2.0})[0])
     assert values[1] == pytest.approx(TYPICAL) and values[2] == 2.0
 
 
-@pytest.mark.parametrize(("coupled", "option"), [(False, DRIVES), (True, replace(DRIVES, compound=False))])
-def test_what_goes_wrong_nowhere_or_is_one_kind_begins_where_the_regression_has_it(coupled, option):
-    begun = made_whole(coupled, option, {0: 0.3, 1: 0.9}).estimate
-    assert begun.kept == (0, 1)
+def test_a_compound_that_does_not_converge_begins_with_what_the_regression_has_but_under_servos():
+    whole, plain = refits(DRIVES, {0: 0.3, 1: 0.9}, converges=False)
+    assert set(values_of(whole)) == {0, 1, 2, 3} and values_of(plain) == {0: 0.3, 1: 0.9}
+    assert len(refits(DRIVES, {0: 0.3, 1: 0.9}, coupled=True, converges=False)) == 1
+
+
+def test_one_kind_begins_where_the_regression_has_it():
+    (begun,) = refits(replace(DRIVES, compound=False), {0: 0.3, 1: 0.9})
+    assert values_of(begun) == {0: 0.3, 1: 0.9}
 
 
 # ---- the budget
@@ -161,9 +174,9 @@ def test_the_budget_ends_a_search(monkeypatch, rounds, names):
     made, asked = prepare(rod(0.15), refine=1), []
     plain, begun = Search.round, Search.__init__
 
-    def counted(self, small=False):
+    def counted(self):
         asked.append(self.spent)
-        return plain(self, small)
+        return plain(self)
 
     def narrow(self, *args):
         begun(self, *args)
@@ -171,7 +184,7 @@ def test_the_budget_ends_a_search(monkeypatch, rounds, names):
 
     monkeypatch.setattr(Search, "round", counted)
     monkeypatch.setattr(Search, "__init__", narrow)
-    result = explain(made.track, made.begun, made.noise, [EFFECTS["coulomb"], EFFECTS["viscous"]])
+    result = explain(made.track, made.begun, made.noise, [EFFECTS["coulomb"], EFFECTS["spring"]])
     assert len(asked) == rounds == len(result.rounds)
     assert [law.name for law in result.final.placed] == names
     assert (result.final is result.naive) == (not rounds)
@@ -194,3 +207,27 @@ def test_no_share_is_more_than_all_that_was_missing():
     own = regression({0: 0.8}, white(1))
     little = 1e-3 * (own.columns.forces[:, :, 0] ** 2).sum(0)
     assert search(own, alone(1), little, SHARE).chosen.share == 1.0
+
+
+@pytest.mark.parametrize(("gain", "chosen"), [(0.0, "viscous@j0"), (0.5, "viscous@j1")])
+def test_what_only_brings_unknowns_back_to_their_priors_gives_way_to_what_gains_more(gain, chosen):
+    """An unknown that data drive far from its prior, a candidate with nearly the same column, and another one."""
+    columns = white(3)
+    columns[:, 1] = columns[:, 0] + 0.01 * columns[:, 1]
+    own = regression({0: 0.2, 2: gain}, columns)
+    unknown = SimpleNamespace(place=-1, away=0.0, spread=0.05, log=False, value=0.0, name="mass", of="mass@link")
+    smoothed = SimpleNamespace(**{**vars(own.smoothed), "numbers": (unknown,)})
+    tried = tuple(candidate("viscous", f"j{i}") for i in range(2))
+    own = Regression(smoothed, replace(own.columns, candidates=tried, owners=((0, 0), (1, 0))))
+    told = search(own, [Option("viscous@j0", 0, (0,)), Option("viscous@j1", 1, (1,))], 1e-3 * np.ones(1), 0.0)
+    first = next(t for t in told.tried if t.option.name == "viscous@j0")
+    assert first.hidden and told.chosen.option.name == chosen
+
+
+def test_no_second_gear_is_offered_where_one_gives():
+    state = object.__new__(Search)
+    state.current = SimpleNamespace(placed=(SimpleNamespace(effect=EFFECTS["backlash"], site="a", name="backlash@a"),))
+    tried = [candidate("joint_elasticity", "a"), candidate("joint_elasticity", "b"), candidate("coulomb", "a")]
+    told = [state._is_second_gear(tried, Option("", 0, (i,))) for i in range(3)]
+    assert told == [True, False, False]
+    assert not state._is_second_gear(tried, Option("", 0, (0,)), out=0)

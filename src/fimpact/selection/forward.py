@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MOST, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
+from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import has_servos
 from fimpact.selection.one_round import Round, Trial, search, worth
@@ -173,7 +173,7 @@ class Search:
         """
         assert found.chosen is not None
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
-        small = floor == REFINES and chosen.share < MOST
+        small = floor == REFINES and chosen.share < MOSTLY
         small = small and all(self._refines(regression.columns.candidates[i]) for i in chosen.option.members)
         steps = self.track.steps
         self.alternatives = []
