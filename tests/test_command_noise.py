@@ -49,6 +49,6 @@ def test_a_lag_smooths_what_the_motor_was_told_and_not_what_the_log_says_wrongly
 
 
 def test_noise_of_the_log_is_no_lag():
-    made = prepare(noisy(0.1))
+    made = prepare(noisy(0.4))
     asked = [EFFECTS[name] for name in ("actuator_lag", "command_delay", "viscous", "gain")]
     assert explain(made.track, made.begun, made.noise, asked).final.placed == ()

@@ -209,7 +209,7 @@ def test_no_share_is_more_than_all_that_was_missing():
     assert search(own, alone(1), little, SHARE).chosen.share == 1.0
 
 
-@pytest.mark.parametrize(("gain", "chosen"), [(0.0, "viscous@j0"), (0.5, "viscous@j1")])
+@pytest.mark.parametrize(("gain", "chosen"), [(0.0, True), (0.5, False)])
 def test_what_only_brings_unknowns_back_to_their_priors_gives_way_to_what_gains_more(gain, chosen):
     """An unknown that data drive far from its prior, a candidate with nearly the same column, and another one."""
     columns = white(3)
@@ -219,9 +219,10 @@ def test_what_only_brings_unknowns_back_to_their_priors_gives_way_to_what_gains_
     smoothed = SimpleNamespace(**{**vars(own.smoothed), "numbers": (unknown,)})
     tried = tuple(candidate("viscous", f"j{i}") for i in range(2))
     own = Regression(smoothed, replace(own.columns, candidates=tried, owners=((0, 0), (1, 0))))
-    told = search(own, [Option("viscous@j0", 0, (0,)), Option("viscous@j1", 1, (1,))], 1e-3 * np.ones(1), 0.0)
+    much = 1e9 * np.ones(1)  # force, of which neither takes a share
+    told = search(own, [Option("viscous@j0", 0, (0,)), Option("viscous@j1", 1, (1,))], much, SHARE)
     first = next(t for t in told.tried if t.option.name == "viscous@j0")
-    assert first.hidden and told.chosen.option.name == chosen
+    assert first.hidden and first.sure > 0 and (told.chosen is not None) == chosen
 
 
 def test_no_second_gear_is_offered_where_one_gives():
