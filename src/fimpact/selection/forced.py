@@ -1,6 +1,7 @@
 """Fit the effects that somebody insists on, and no others: no search, and no choice among names."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.selection.regression import Regression
@@ -15,20 +16,26 @@ def fit_forced(
     naive: Smoothed,
     places: Sequence[tuple[Effect, str]],
     progress: Callable[[str], None] = lambda line: None,
+    known: Sequence[dict[str, float]] = (),
 ) -> Smoothed:
     """Fit the naive model with the effects at `places`, begun where a regression has them.
 
     Of an effect with shapes, the choice that explains most is begun with. What cannot be begun at all, because its
     column is nothing, begins at its probe.
+
+    Args:
+        known: values with which each begins instead, as far as there are any.
     """
     scales = motion_scales(naive)
     offered = [own for effect, site in places for own in at(effect, site, prepared.track.model, scales)]
     regression = Regression(naive, columns(naive, offered))
     placed, priors = [], []
-    for effect, site in places:
-        own = [i for i, c in enumerate(offered) if c.effect.name == effect.name and c.site == site]
-        best = max(own, key=lambda i: _explained(regression, i))
-        placed.append(_begun(regression, best, offered[best], scales))
+    for i, (effect, site) in enumerate(places):
+        own = [k for k, c in enumerate(offered) if c.effect.name == effect.name and c.site == site]
+        best = max(own, key=lambda k: _explained(regression, k))
+        law = _begun(regression, best, offered[best], scales)
+        told = {name: value for name, value in (known[i] if known else {}).items() if name in law.values}
+        placed.append(replace(law, values=law.values | told))
         priors.append(offered[best].priors)
     return smooth(prepared.track, prepared.begun, prepared.noise, placed, priors, naive, progress=progress)
 

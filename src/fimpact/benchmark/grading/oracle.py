@@ -1,4 +1,5 @@
-"""The oracle: it knows which effect is there and where, and has to fit the rest like everybody else."""
+"""The oracle: it knows which effect is there and where, begins at its true size, and has to fit the rest like everybody
+else."""
 
 import numpy as np
 
@@ -27,6 +28,7 @@ def oracle_error(recording: Recording, truth: Truth) -> float | None:
 def _oracle(recording: Recording, truth: Truth) -> float | None:
     prepared = prepare(recording)
     naive = smooth(prepared.track, prepared.begun, prepared.noise)
-    known = fit_forced(prepared, naive, [(EFFECTS[effect.name], effect.site) for effect in truth.effects])
+    places = [(EFFECTS[effect.name], effect.site) for effect in truth.effects]
+    known = fit_forced(prepared, naive, places, known=[effect.values for effect in truth.effects])
     proof = prove(prepared, {"oracle": (prepared.proving, Hypothesis(known.theta, known.placed))})
     return held_out_error(proof.runs, "oracle") if proof else None
