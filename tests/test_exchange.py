@@ -13,6 +13,7 @@ from fimpact.effects import EFFECTS
 from fimpact.selection.forward import Search
 from fimpact.selection.options import options
 from fimpact.selection.regression import Regression
+from fimpact.selection.rivals import exchanged
 from fimpact.selection.substitutes import exchanges
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import columns
@@ -51,19 +52,19 @@ def test_the_evidence_is_the_marginal_likelihood_of_a_gaussian():
 
 def test_what_is_likelier_takes_the_place_of_what_was_answered_first():
     state, asked, offered = begun_with(0.15, "viscous", "pivot")
-    assert state.exchanged(asked, offered)
+    assert exchanged(state, asked, offered)
     assert [law.name for law in state.current.placed] == ["coulomb@pivot"]
     assert state.current.placed[0].values["friction"] == pytest.approx(0.15, rel=0.02)
 
 
 def test_nothing_takes_the_place_of_what_is_worth_nothing():
     state, asked, offered = begun_with(0.0, "torque_offset", "motor")
-    assert state.exchanged(asked, offered) and state.current.placed == ()
+    assert exchanged(state, asked, offered) and state.current.placed == ()
 
 
 def test_what_is_right_stays():
     state, asked, offered = begun_with(0.15, "coulomb", "pivot")
-    assert not state.exchanged(asked, offered)
+    assert not exchanged(state, asked, offered)
     assert [law.name for law in state.current.placed] == ["coulomb@pivot"]
     assert all(alternative.placed for alternative in state.alternatives)
 

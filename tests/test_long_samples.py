@@ -16,6 +16,7 @@ from fimpact.selection import forward
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import search
 from fimpact.selection.options import Option
+from fimpact.selection.pruning import pruned
 from fimpact.selection.regression import Regression
 from fimpact.selection.servo_drives import align, drive, far
 from fimpact.selection.substitutes import Alternative
@@ -180,11 +181,11 @@ def test_parts_of_a_drive_are_judged_beside_one_another(monkeypatch):
     drive(search)
     assert search.parts >= {law.name for law in search.current.placed} >= {"viscous@pivot"}
     monkeypatch.setattr(forward, "_bears", lambda regression, place, *bar: asked.update({place: bar}) or True)
-    search.pruned(search.current, search.missing)
+    pruned(search, search.current, search.missing)
     assert {floor for _, floor in asked.values()} == {REFINES}
     assert all(missing < search.missing for missing, _ in asked.values())
     search.parts = set()
-    search.pruned(search.current, search.missing)
+    pruned(search, search.current, search.missing)
     assert {floor for _, floor in asked.values()} == {SHARE}
 
 

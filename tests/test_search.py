@@ -229,6 +229,6 @@ def test_no_second_gear_is_offered_where_one_gives():
     state = object.__new__(Search)
     state.current = SimpleNamespace(placed=(SimpleNamespace(effect=EFFECTS["backlash"], site="a", name="backlash@a"),))
     tried = [candidate("joint_elasticity", "a"), candidate("joint_elasticity", "b"), candidate("coulomb", "a")]
-    told = [state._is_second_gear(tried, Option("", 0, (i,))) for i in range(3)]
+    told = [state.is_second_gear(tried, Option("", 0, (i,))) for i in range(3)]
     assert told == [True, False, False]
-    assert not state._is_second_gear(tried, Option("", 0, (0,)), out=0)
+    assert not state.is_second_gear(tried, Option("", 0, (0,)), out=0)

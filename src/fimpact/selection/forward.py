@@ -5,21 +5,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE, TIED, UNLIKELY
+from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE
 from fimpact.effects.base import Effect, Placed, Scales
 from fimpact.effects.sites import has_servos
-from fimpact.selection.one_round import Round, Trial, search, worth
+from fimpact.selection.one_round import Round, Trial, search
 from fimpact.selection.options import Option, options
+from fimpact.selection.pruning import pruned, simplified
 from fimpact.selection.refit_start import begun, held_by, with_held
 from fimpact.selection.regression import Regression
+from fimpact.selection.rivals import among_rivals, exchanged
 from fimpact.selection.search_scope import Limits
 from fimpact.selection.servo_drives import align, drive, refitted_whole
-from fimpact.selection.substitutes import Alternative, Exchange, exchanges
+from fimpact.selection.substitutes import Alternative, Exchange
 from fimpact.selection.unnamed_rest import Leftover, leftover
 from fimpact.smoothing.candidates import Candidate, candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.dynamics.track import Track
-from fimpact.smoothing.parameters import is_shape, placed_of, theta_of
+from fimpact.smoothing.parameters import placed_of, theta_of
 from fimpact.smoothing.servo_lag import Way
 from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
@@ -99,7 +101,7 @@ class Search:
         """Whether it is what is in already and a constant: it holds that, and has no shape of its own."""
         return bool(held_by(candidate.effect, candidate.site, self.current.placed)) and not candidate.shapes
 
-    def _is_second_gear(self, tried: Sequence[Candidate], option: Option, out: int = -1) -> bool:
+    def is_second_gear(self, tried: Sequence[Candidate], option: Option, out: int = -1) -> bool:
         """Whether an option of `tried` puts a gear that gives where another does, but for the effect number `out`."""
         held = {p.site for i, p in enumerate(self.current.placed) if p.effect.enters == "gear" and i != out}
         return any(tried[i].effect.enters == "gear" and tried[i].site in held for i in option.members)
@@ -111,7 +113,7 @@ class Search:
     def searched(self, tried: list[Candidate], missing: np.ndarray, floor: float) -> tuple[Regression, Round]:
         """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""
         steps = self.track.steps
-        offered = [option for option in self.offered(tried) if not self._is_second_gear(tried, option)]
+        offered = [option for option in self.offered(tried) if not self.is_second_gear(tried, option)]
         while True:
             regression = Regression(self.current, columns(self.current, tried, self._simulated))
             found = search(regression, offered, missing, floor)
@@ -149,7 +151,7 @@ class Search:
             if later.chosen is not None:
                 return self.chose(rest, later, self.left(), REFINES)
         self.rounds += [] if self.tries > 1 or self.rounds else [found]
-        return self.exchanged(regression, self.offered(self.open()))
+        return exchanged(self, regression, self.offered(self.open()))
 
     def _asked_anew(self) -> tuple[Regression, Round]:
         if self.first and self.first[0].smoothed is self.current:
@@ -179,12 +181,12 @@ class Search:
         self.alternatives = []
         self.progress(f"selecting: {chosen.option.name}, {chosen.share:.0%} of the force missing at one place")
         best = refitted_whole(self, regression, chosen)
-        best = best if small else self._among_rivals(regression, found, best)
+        best = best if small else among_rivals(self, regression, found, best)
         if chosen.option.compound:
             self.track.steps = steps  # no other question goes unasked because this one came first
             self.parts |= {law.name for law in best.placed} - known
         weak, self.weak = self.weak, set()
-        best = self.pruned(best, missing, floor)
+        best = pruned(self, best, missing, floor)
         self.failed.add(chosen.option.name)
         spread = regression.dispersion
         if not best.converged or best.loss(spread) > self.current.loss(spread):
@@ -202,33 +204,6 @@ class Search:
         """Squared force, (nv,), of which a refinement must take its share: what is left beside `fit`, default: what is
         in, but no less than what would not have been worth a name at first."""
         return np.maximum(((fit or self.current).tau ** 2).sum(0), SHARE * self.missing)
-
-    def exchanged(self, regression: Regression, offered: Sequence[Option]) -> bool:
-        """Put in the place of an effect what is likelier, refitted; what is as likely joins the set.
-
-        Under servos an effect is not exchanged: there the whole drive is one.
-        """
-        if self.coupled:
-            return False
-        tried, spread = regression.columns.candidates, regression.dispersion
-        beside = [option for option in offered if not self._is_second_gear(tried, option)]
-        others = exchanges(regression, offered, beside)
-        others = [e for e in others if not self._is_second_gear(tried, e.option, e.place)]
-        for other in [e for e in others if e.weight > np.exp(-TIED) and e.sure][:RIVALS]:
-            fit = self.refitted(regression, other, other.place)
-            fewer = len(fit.numbers) < len(self.current.numbers)
-            if fit.converged and fit.loss(spread) < self.current.loss(spread) + (TIED if fewer else -TIED):
-                self.progress(f"selecting: {other.option.name} in place of {self.current.placed[other.place].name}")
-                self.current, self.alternatives = fit, []
-                return True
-            others.remove(other)
-        known = {frozenset(p.name for p in a.placed) for a in self.alternatives}
-        # What would be far likelier, and is not borne out by stretches that were not fitted, was followed too far.
-        for other in [e for e in others if e.option.members and e.weight < np.exp(TIED)]:
-            own, _, theta = self.begun_with(regression, other, other.place)
-            if frozenset(p.name for p in own) not in known:
-                self.alternatives.append(Alternative(own, theta, min(other.weight, 1.0)))
-        return False
 
     def refitted(self, regression: Regression, trial: Trial | Exchange, out: int = -1) -> Smoothed:
         """The fit with the members of `trial`, begun where the regression has them, without the effect number `out`."""
@@ -252,84 +227,6 @@ class Search:
         known = (*(self.current.priors[i] for i in kept), *priors)
         return own, known, theta
 
-    def _among_rivals(self, regression: Regression, found: Round, best: Smoothed) -> Smoothed:
-        """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
-        assert found.chosen is not None
-        # The compound stands for many kinds, which are told apart by what they predict; others are by refits.
-        rivals = [] if found.chosen.option.compound else found.rivals
-        tried, fits = rivals[:RIVALS], [best]
-        for trial, _ in tried:
-            fits.append(self.refitted(regression, trial))
-            self.progress(f"selecting: rival {len(fits) - 1} of {len(tried)} refitted, {trial.option.name}")
-        spread = regression.dispersion
-        losses = np.array([fit.loss(spread) if fit.converged else np.inf for fit in fits])
-        losses = np.where(np.isfinite(losses), losses, np.inf)
-        weights = np.exp(losses.min() - losses) if np.isfinite(losses.min()) else np.ones(len(fits))
-        as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
-        orders = [found.chosen.option.order, *(trial.option.order for trial, _ in tried)]
-        first = min(as_good, key=lambda i: (len(fits[i].numbers), orders[i], i))
-        answers = [(fit.placed, fit.theta, w) for fit, w in zip(fits, weights, strict=True)]
-        # Where there was no refit, or none that converged, stands what the regression says.
-        told = weights[0] if np.isfinite(losses[0]) else weights[first]
-        for i, (trial, weight) in enumerate(rivals, 1):
-            if i >= len(fits) or not np.isfinite(losses[i]):
-                own, _, theta = self.begun_with(regression, trial)
-                answers[i : i + 1] = [(own, theta, weight * told)]
-        self.alternatives = [
-            Alternative(placed, theta, float(w / weights[first]))
-            for i, (placed, theta, w) in enumerate(answers)
-            if i != first and w > UNLIKELY * weights[first]
-        ]
-        return fits[first]
-
-    def pruned(self, fit: Smoothed, missing: np.ndarray, floor: float = SHARE) -> Smoothed:
-        """The fit without what is worth nothing, one refit for all of it.
-
-        Args:
-            missing: squared force, (nv,), of which each must bear the share `floor`; where that is of what is left,
-                what was in before stays.
-        """
-        small = floor == REFINES
-        before = {law.name for law in self.current.placed} if small else set()
-        while fit.converged:
-            regression = Regression(fit, columns(fit, []))
-            parts = [i for i, law in enumerate(fit.placed) if law.name in self.parts and not small]
-            # What a drive's parts bear is counted beside one another: one of them may take nearly all that was missing.
-            bars = {i: (self.left(fit), REFINES) for i in parts}
-            kept = [
-                i for i, law in enumerate(fit.placed)
-                if law.name in before or _bears(regression, i, *bars.get(i, (missing, floor)))
-            ]  # fmt: skip
-            if len(kept) == len(fit.placed):
-                return fit
-            self.weak |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
-            placed, priors = tuple(fit.placed[i] for i in kept), tuple(fit.priors[i] for i in kept)
-            fit = smooth(self.track, self.begun, self.noise, placed, priors, fit, progress=self.progress)
-        return fit
-
-    def simplified(self) -> Smoothed:
-        """The fit with a special case in place of each effect that is no likelier than it."""
-        fit = self.current
-        for place, law in enumerate(fit.placed):
-            special = [c for c in self.candidates if c.effect.name in law.effect.contains and c.site == law.site]
-            for candidate in special[:1]:
-                known = [c.name for c in law.effect.coefficients if not c.shape]
-                size = float(np.mean([law.values[name] for name in known]))
-                own = list(zip(fit.placed, fit.priors, strict=True))
-                own[place] = candidate.placed([size]), candidate.priors
-                placed, priors = zip(*own, strict=True)
-                found = smooth(self.track, self.begun, self.noise, placed, priors, fit, progress=self.progress)
-                if found.converged and found.loss(fit.dispersion) < fit.loss(fit.dispersion) + TIED:
-                    fit = found
-        return fit
-
-
-def _bears(regression: Regression, place: int, missing: np.ndarray, floor: float) -> bool:
-    fit = regression.smoothed
-    own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)]
-    found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
-    return any(w.p * len(fit.placed) < P_ALARM and w.share > floor / 2 for w in found)
-
 
 def explain(
     track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
@@ -350,7 +247,7 @@ def explain(
         drive(state)
     while state.asks() and state.round():
         pass
-    final = state.current = state.simplified()
+    final = state.current = simplified(state)
     return Explanation(
         state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint,
         state.scales, state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,

@@ -13,6 +13,7 @@ from fimpact.effects import typical
 from fimpact.effects.classes import DRIVE
 from fimpact.effects.sites import driven
 from fimpact.selection.one_round import Trial
+from fimpact.selection.pruning import pruned
 from fimpact.selection.refit_start import at_typical_sizes, in_midst
 from fimpact.selection.regression import Regression
 from fimpact.selection.substitutes import Alternative
@@ -30,7 +31,7 @@ def align(search, late: Sequence[Way]) -> None:
     if not far(search, missing):  # else whole drives are lacking, and softness stands in for them
         fits += [_with(search, way, known) for way in ways if len(way) > 1]
     fits = [fit for fit in fits if fit.converged]
-    fits = [search.pruned(fit, missing) for fit in fits]
+    fits = [pruned(search, fit, missing) for fit in fits]
     search.weak = set()
     fits = [fit for fit in fits if fit.converged and fit.loss() < search.naive.loss()]
     search.track.steps = steps  # no other question goes unasked because this one came first
@@ -79,7 +80,7 @@ def drive(search) -> None:
     best = _alike(search, refitted_whole(search, regression, trial))
     before = {law.name for law in search.current.placed}
     search.parts = {law.name for law in best.placed} - before
-    best = search.pruned(best, search.missing)
+    best = pruned(search, best, search.missing)
     spread = regression.dispersion
     if best.converged and best.placed and best.loss(spread) < search.current.loss(spread):
         added = tuple(law for law in best.placed if law.name not in before)

@@ -1,0 +1,63 @@
+"""Leave out of a fit what is worth nothing, and put special cases in the place of what is no likelier.
+
+Each takes the state of a search (`forward.Search`).
+"""
+
+import numpy as np
+
+from fimpact.deciding import P_ALARM, REFINES, SHARE, TIED
+from fimpact.selection.one_round import worth
+from fimpact.selection.regression import Regression
+from fimpact.smoothing.columns import columns
+from fimpact.smoothing.parameters import is_shape
+from fimpact.smoothing.smoother import Smoothed, smooth
+
+
+def pruned(search, fit: Smoothed, missing: np.ndarray, floor: float = SHARE) -> Smoothed:
+    """The fit without what is worth nothing, one refit for all of it.
+
+    Args:
+        missing: squared force, (nv,), of which each must bear the share `floor`; where that is of what is left,
+            what was in before stays.
+    """
+    small = floor == REFINES
+    before = {law.name for law in search.current.placed} if small else set()
+    while fit.converged:
+        regression = Regression(fit, columns(fit, []))
+        parts = [i for i, law in enumerate(fit.placed) if law.name in search.parts and not small]
+        # What a drive's parts bear is counted beside one another: one of them may take nearly all that was missing.
+        bars = {i: (search.left(fit), REFINES) for i in parts}
+        kept = [
+            i for i, law in enumerate(fit.placed)
+            if law.name in before or _bears(regression, i, *bars.get(i, (missing, floor)))
+        ]  # fmt: skip
+        if len(kept) == len(fit.placed):
+            return fit
+        search.weak |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
+        placed, priors = tuple(fit.placed[i] for i in kept), tuple(fit.priors[i] for i in kept)
+        fit = smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress)
+    return fit
+
+
+def simplified(search) -> Smoothed:
+    """The fit with a special case in place of each effect that is no likelier than it."""
+    fit = search.current
+    for place, law in enumerate(fit.placed):
+        special = [c for c in search.candidates if c.effect.name in law.effect.contains and c.site == law.site]
+        for candidate in special[:1]:
+            known = [c.name for c in law.effect.coefficients if not c.shape]
+            size = float(np.mean([law.values[name] for name in known]))
+            own = list(zip(fit.placed, fit.priors, strict=True))
+            own[place] = candidate.placed([size]), candidate.priors
+            placed, priors = zip(*own, strict=True)
+            found = smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress)
+            if found.converged and found.loss(fit.dispersion) < fit.loss(fit.dispersion) + TIED:
+                fit = found
+    return fit
+
+
+def _bears(regression: Regression, place: int, missing: np.ndarray, floor: float) -> bool:
+    fit = regression.smoothed
+    own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)]
+    found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
+    return any(w.p * len(fit.placed) < P_ALARM and w.share > floor / 2 for w in found)
