@@ -1,8 +1,9 @@
 """An experiment by direct transcription: IPOPT, from a relaxed contact that is felt from afar to a rigid one.
 
 Every stage starts from the motion that its own eps gives the design found so far, so that it starts feasible. IPOPT
-runs in short bursts: after each, the motion of the design found is simulated, and the next burst starts from there.
-Left alone, it spends most of its iterations on the way back from motions that cannot be made.
+runs in short bursts: after each, the motion of the design found is simulated, and the next burst starts from there;
+nearby, if that one gained nothing. Left alone, it spends most of its iterations on the way back from motions that
+cannot be made.
 """
 
 import json
@@ -19,7 +20,8 @@ from fimpact.paper.systems.base import System
 
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 BURST = 12  # iterations between two simulations; ten or so are well spent before steps get short
-LEAST = 1e-2  # gain in the logarithm of information below which a stage ends
+LEAST = 1e-2  # gain in the logarithm of information below which the next burst keeps nearer to where it starts
+FAR, NEARER, NEAREST = 2.0, 0.1, 0.01  # how far a burst may go in the inputs, whose range is 2 here
 LOST = 1 / 30  # share of information below which a stage has lost the contact of the one before; most stages gain
 IPOPT = {
     "linear_solver": "mumps",  # in CasADi's wheel, and the same bytes every time
@@ -58,7 +60,7 @@ class Plan:
         information: trace of the planned Fisher information, in the units of rho that were given.
         residual: greatest complementarity product, N m or N m/s.
         solved: whether IPOPT converged in the last stage, to its own or to an acceptable tolerance, and its motion can
-            be made.
+            be made. If bursts over the whole range did not, the optimum is one among designs nearby.
         statuses: what it said of every stage.
         iterations: its iterations, all stages together.
     """
@@ -98,7 +100,7 @@ class Planner:
         Where the next eps would lose the contact that was found, a stage half-way (of the logarithm) comes first.
 
         Args:
-            iterations: of IPOPT, at most, in each stage.
+            iterations: of IPOPT, at most, in each stage; the last one closes in with up to two bursts more, if it must.
             units: in which rho is counted, (p, p), by columns; relative ones if not given.
         """
         units = np.eye(len(rho)) if units is None else units
@@ -108,7 +110,8 @@ class Planner:
             halfway = motion is not None and ahead.information < LOST * motion.information
             for stage in (np.sqrt(last * target), target) if halfway else (target,):
                 begun = self.simulate(design, rho, stage, units) if halfway else ahead
-                design, motion, tried, told = self._stage(design, begun, rho, stage, iterations, units)
+                budget = iterations if stage > eps[-1] else np.inf
+                design, motion, tried, told = self._stage(design, begun, rho, stage, (iterations, budget), units)
                 designs += tried
                 statuses.append(told["return_status"])
                 spent += told["iter_count"]
@@ -128,25 +131,27 @@ class Planner:
             iterations=spent,
         )
 
-    def _stage(self, design, motion, rho, eps, iterations, units) -> tuple[np.ndarray, Motion, list[np.ndarray], dict]:
+    def _stage(self, design, motion, rho, eps, most, units) -> tuple[np.ndarray, Motion, list[np.ndarray], dict]:
         """Design and motion of one stage, from those given; the designs after each burst; IPOPT's last statistics.
 
         Motions are simulated, so that their equations hold whatever IPOPT left of them; a design that then gathers less
-        than the one before is not taken. The stage ends when IPOPT has converged, when a burst gains next to nothing,
-        or with its iterations.
+        than the one before is not taken. Rigid contact has information in small smooth pieces, and a burst that leaves
+        its piece gains nothing: the next one keeps nearer to the design. After the first of the two numbers of
+        iterations in `most` every burst does, and after the second the stage ends.
         """
-        settings, tried, spent = np.concatenate([rho, [eps], units.ravel("F")]), [], 0
+        settings, tried, spent, reach = np.concatenate([rho, [eps], units.ravel("F")]), [], 0, FAR
         while True:
-            started, most = self.programme.pack(design, motion), min(BURST, iterations - spent)
-            variables, told = self._solve(started, settings, most)
+            burst = min(BURST, most[0] - spent if spent < most[0] else most[0])
+            variables, told = self._solve(self.programme.pack(design, motion), settings, burst, reach)
             spent += told["iter_count"]
-            found = self.programme.design(variables)
-            made, before = self.simulate(found, rho, eps, units), motion
-            if made.information >= before.information:
+            found, before = self.programme.design(variables), motion.information
+            made = self.simulate(found, rho, eps, units)
+            if made.information >= before:
                 design, motion = found, made
             tried.append(design)
-            gain = np.log1p(max(motion.information, 0)) - np.log1p(max(before.information, 0))
-            if told["return_status"] in SOLVED or gain < LEAST or spent >= iterations:
+            gain = np.log1p(max(motion.information, 0)) - np.log1p(max(before, 0))
+            reach *= NEARER if gain < LEAST or spent >= most[0] else 1
+            if told["return_status"] in SOLVED or spent >= most[1] or reach < NEAREST:
                 return design, motion, tried, {**told, "iter_count": spent}
 
     def simulate(self, design: np.ndarray, rho: np.ndarray, eps: float, units: np.ndarray | None = None) -> Motion:
@@ -158,10 +163,13 @@ class Planner:
         a = self.affine
         return a.start + a.start_slope @ design, a.controls + a.controls_slope @ design
 
-    def _solve(self, start: np.ndarray, settings: np.ndarray, iterations: int) -> tuple[np.ndarray, dict]:
+    def _solve(self, start: np.ndarray, settings: np.ndarray, iterations: int, reach: float) -> tuple[np.ndarray, dict]:
         programme, solver = self.programme, self._solver(iterations)
         low, high = np.full(programme.size, -np.inf), np.full(programme.size, np.inf)
-        low[: programme.designs], high[: programme.designs], low[programme.designs] = -1, 1, 0
+        inputs = start[: programme.designs]
+        low[: programme.designs] = np.maximum(inputs - reach, -1)
+        high[: programme.designs] = np.minimum(inputs + reach, 1)
+        low[programme.designs] = 0
         found = solver(x0=start, p=settings, lbx=low, ubx=high, lbg=0, ubg=0)
         return np.array(found["x"])[:, 0], solver.stats()
 
