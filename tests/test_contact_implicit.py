@@ -187,9 +187,9 @@ def test_bursts_that_gain_nothing_come_nearer_and_the_last_stage_closes_in(syste
 
     monkeypatch.setattr(Planner, "_solve", solve)
     plan = made.plan(rho, TOUCHING[system.name], [0.1, 1e-2], 2 * BURST)
-    assert asked == [(BURST, reach) for reach in (2, 0.2, 2, 0.2, 0.02)]
-    assert not plan.solved and plan.iterations == 5 * BURST
-    assert np.allclose(plan.designs, TOUCHING[system.name]) and len(plan.designs) == 5
+    assert asked == [(BURST, reach) for reach in (2, 0.2, 2, 0.2, 0.02, 0.002)]
+    assert not plan.solved and plan.iterations == 6 * BURST
+    assert np.allclose(plan.designs, TOUCHING[system.name]) and len(plan.designs) == 6
 
 
 def test_a_stage_ends_when_ipopt_has_converged(system, monkeypatch):

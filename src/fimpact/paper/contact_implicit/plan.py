@@ -21,7 +21,8 @@ from fimpact.paper.systems.base import System
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 BURST = 12  # iterations between two simulations; ten or so are well spent before steps get short
 LEAST = 1e-2  # gain in the logarithm of information below which the next burst keeps nearer to where it starts
-FAR, NEARER, NEAREST = 2.0, 0.1, 0.01  # how far a burst may go in the inputs, whose range is 2 here
+FAR, NEARER, NEAREST = 2.0, 0.1, 1e-3  # how far a burst may go in the inputs, whose range is 2 here
+CLOSING = 3  # times the iterations of other stages are the last one's, which is to converge
 LOST = 1 / 30  # share of information below which a stage has lost the contact of the one before; most stages gain
 IPOPT = {
     "linear_solver": "mumps",  # in CasADi's wheel, and the same bytes every time
@@ -100,7 +101,7 @@ class Planner:
         Where the next eps would lose the contact that was found, a stage half-way (of the logarithm) comes first.
 
         Args:
-            iterations: of IPOPT, at most, in each stage; the last one closes in with up to two bursts more, if it must.
+            iterations: of IPOPT, at most, in each stage but the last, which may take three times as many to converge.
             units: in which rho is counted, (p, p), by columns; relative ones if not given.
         """
         units = np.eye(len(rho)) if units is None else units
@@ -110,8 +111,8 @@ class Planner:
             halfway = motion is not None and ahead.information < LOST * motion.information
             for stage in (np.sqrt(last * target), target) if halfway else (target,):
                 begun = self.simulate(design, rho, stage, units) if halfway else ahead
-                budget = iterations if stage > eps[-1] else np.inf
-                design, motion, tried, told = self._stage(design, begun, rho, stage, (iterations, budget), units)
+                most = iterations * (CLOSING if stage == eps[-1] else 1)
+                design, motion, tried, told = self._stage(design, begun, rho, stage, most, units)
                 designs += tried
                 statuses.append(told["return_status"])
                 spent += told["iter_count"]
@@ -136,13 +137,13 @@ class Planner:
 
         Motions are simulated, so that their equations hold whatever IPOPT left of them; a design that then gathers less
         than the one before is not taken. Rigid contact has information in small smooth pieces, and a burst that leaves
-        its piece gains nothing: the next one keeps nearer to the design. After the first of the two numbers of
-        iterations in `most` every burst does, and after the second the stage ends.
+        its piece gains nothing: the next one keeps nearer to the design. The stage ends when IPOPT has converged, after
+        `most` of its iterations, or when nothing is gained nearby either.
         """
         settings, tried, spent, reach = np.concatenate([rho, [eps], units.ravel("F")]), [], 0, FAR
         while True:
-            burst = min(BURST, most[0] - spent if spent < most[0] else most[0])
-            variables, told = self._solve(self.programme.pack(design, motion), settings, burst, reach)
+            started, burst = self.programme.pack(design, motion), min(BURST, most - spent)
+            variables, told = self._solve(started, settings, burst, reach)
             spent += told["iter_count"]
             found, before = self.programme.design(variables), motion.information
             made = self.simulate(found, rho, eps, units)
@@ -150,8 +151,8 @@ class Planner:
                 design, motion = found, made
             tried.append(design)
             gain = np.log1p(max(motion.information, 0)) - np.log1p(max(before, 0))
-            reach *= NEARER if gain < LEAST or spent >= most[0] else 1
-            if told["return_status"] in SOLVED or spent >= most[1] or reach < NEAREST:
+            reach *= NEARER if gain < LEAST else 1
+            if told["return_status"] in SOLVED or spent >= most or reach < NEAREST:
                 return design, motion, tried, {**told, "iter_count": spent}
 
     def simulate(self, design: np.ndarray, rho: np.ndarray, eps: float, units: np.ndarray | None = None) -> Motion:
