@@ -69,9 +69,9 @@ class Forecaster:
         slopes = np.zeros((len(rho), p, seen.shape[1]))
         if len(told):
             moved = (rho[told, None] + STEP * np.eye(p)).reshape(-1, p)
-            again = self.forecast(moved, np.repeat(design[told], p, 0), blind)
-            again = (again.motion if blind else again.measurement).reshape(len(told), p, -1)
-            slopes[told] = (again - seen[told, None]) / STEP
+            beside = self.forecast(moved, np.repeat(design[told], p, 0), blind)
+            ahead = (beside.motion if blind else beside.measurement).reshape(len(told), p, -1)
+            slopes[told] = (ahead - seen[told, None]) / STEP
         return seen, slopes.transpose(0, 2, 1)
 
     def _robots(self, rho: np.ndarray, blind: bool) -> list[mujoco.MjModel]:
