@@ -1,5 +1,7 @@
 """Direct transcription: MuJoCo's robot, complementary contact, exact sensitivities, and a plan that finds contact."""
 
+from dataclasses import replace
+
 import casadi as ca
 import mujoco
 import numpy as np
@@ -9,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 
 from fimpact.paper import reference_simulator
 from fimpact.paper.contact_implicit.bodies import PLANAR
-from fimpact.paper.contact_implicit.plan import planner
+from fimpact.paper.contact_implicit.plan import BURST, Planner, planner
 
 EPS = [0.1, 1e-3, 1e-6]
 OFF = 0.9  # the robot of these tests is so much of nominal
@@ -174,6 +176,72 @@ def test_a_stage_that_ran_out_gathers_no_less_than_its_start(system):
     assert not plan.solved
     assert plan.information >= made.simulate(start, rho, 1e-2).information
     assert plan.residual == pytest.approx(1e-2, rel=1e-3)
+
+
+def test_bursts_that_gain_nothing_come_nearer_and_the_last_stage_closes_in(system, monkeypatch):
+    made, rho, asked = planner(system, 50), np.ones(len(system.nominal)), []
+
+    def solve(self, start, settings, iterations, reach):
+        asked.append((iterations, pytest.approx(reach)))
+        return start, {"return_status": "Maximum_Iterations_Exceeded", "iter_count": iterations}
+
+    monkeypatch.setattr(Planner, "_solve", solve)
+    plan = made.plan(rho, TOUCHING[system.name], [0.1, 1e-2], 2 * BURST)
+    assert asked == [(BURST, reach) for reach in (2, 0.2, 2, 0.2, 0.02, 0.002)]
+    assert not plan.solved and plan.iterations == 6 * BURST
+    assert np.allclose(plan.designs, TOUCHING[system.name]) and len(plan.designs) == 6
+
+
+def test_a_stage_ends_when_ipopt_has_converged(system, monkeypatch):
+    made, rho, asked = planner(system, 50), np.ones(len(system.nominal)), []
+
+    def solve(self, start, settings, iterations, reach):
+        asked.append(reach)
+        return start, {"return_status": "Solve_Succeeded", "iter_count": 1}
+
+    monkeypatch.setattr(Planner, "_solve", solve)
+    assert made.plan(rho, TOUCHING[system.name], [0.1, 1e-2], 24).solved
+    assert asked == [2, 2]
+
+
+def test_a_burst_keeps_within_its_reach_of_the_design(system):
+    made, rho = planner(system, 100), np.ones(len(system.nominal))
+    start = made.programme.pack(TOUCHING[system.name], made.simulate(TOUCHING[system.name], rho, 0.1))
+    settings = np.concatenate([rho, [0.1], np.eye(len(rho)).ravel()])
+
+    def moved(reach: float) -> float:
+        return np.abs(made._solve(start, settings, 6, reach)[0] - start)[: made.programme.designs].max()
+
+    assert moved(0.02) < 0.02 + 1e-6 < moved(2.0)
+
+
+@pytest.mark.parametrize(("kept", "stages"), [(0.0, [0.1, 1e-7**0.5, 1e-6]), (1.0, [0.1, 1e-6])])
+def test_contact_that_rigidity_would_lose_is_tightened_half_way_first(systems, monkeypatch, kept, stages):
+    """`kept`: share of the readings' sensitivities that is left at the smallest eps."""
+    block = systems["block"]
+    made, rho, asked = planner(block, 50), np.ones(3), []
+    real = made.simulate(TOUCHING["block"], rho, 0.1)
+    weak = replace(real, sensitivity=kept * real.sensitivity)
+    monkeypatch.setattr(Planner, "simulate", lambda self, design, rho, eps, units=None: weak if eps < 1e-5 else real)
+
+    def stage(self, design, motion, rho, eps, most, units):
+        asked.append(eps)
+        return design, motion, [design], {"return_status": "Solve_Succeeded", "iter_count": 1}
+
+    monkeypatch.setattr(Planner, "_stage", stage)
+    made.plan(rho, TOUCHING["block"], [0.1, 1e-6], 24)
+    assert asked == pytest.approx(stages)
+
+
+def test_what_cannot_be_moved_is_not_solved(systems, monkeypatch):
+    block = systems["block"]
+    made, rho = planner(block, 50), np.ones(3)
+    broken = replace(made.simulate(TOUCHING["block"], rho, 1e-2), solved=False)
+    monkeypatch.setattr(Planner, "simulate", lambda *args: broken)
+    monkeypatch.setattr(
+        Planner, "_solve", lambda self, start, *others: (start, {"return_status": "Solve_Succeeded", "iter_count": 1})
+    )
+    assert not made.plan(rho, TOUCHING["block"], [1e-2], 4).solved
 
 
 def test_what_is_known_well_counts_less(system):

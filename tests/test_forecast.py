@@ -7,7 +7,7 @@ import pytest
 from conftest import CLEAR, TOUCHING
 
 from fimpact.paper import reference_simulator
-from fimpact.paper.forecast import ENCODER_NOISE, forecaster
+from fimpact.paper.forecast import AWAY, ENCODER_NOISE, STEP, forecaster
 from fimpact.paper.information.programs import programs
 from fimpact.paper.systems import make_system
 
@@ -32,6 +32,34 @@ def test_sensitivities_are_mjxs(system):
     exact = programs(system).linearise(system.template, robots(system), rows(system))
     assert np.abs(measurement - exact.measurement).max() < 1e-6 * np.abs(exact.measurement).max()
     assert np.abs(slope - exact.sensitivity).max() < 1e-4 * np.abs(exact.sensitivity).max()
+
+
+def test_silence_is_not_differentiated_and_all_else_is_as_ever(systems, monkeypatch):
+    """The arm's sensor reads nothing without contact; every derivative is the plain difference, to the last bit."""
+    arm, p = systems["arm"], len(systems["arm"].nominal)
+    made, rho = forecaster(arm), robots(arm, 4)
+    designs = np.stack([TOUCHING["arm"], CLEAR["arm"], TOUCHING["arm"], CLEAR["arm"]])
+    simulated, plain = [], made.forecast
+    monkeypatch.setattr(made, "forecast", lambda *args: simulated.append(len(args[0])) or plain(*args))
+    measurement, slope = made.linearise(rho, designs)
+    assert simulated == [4, 2 * p]
+    moved = (rho[:, None] + STEP * np.eye(p)).reshape(-1, p)
+    each = plain(moved, np.repeat(designs, p, 0)).measurement.reshape(4, p, -1)
+    assert np.array_equal(slope, ((each - measurement[:, None]) / STEP).transpose(0, 2, 1))
+    assert slope[0].any() and not slope[1].any()
+
+
+def test_a_near_miss_is_differentiated(systems, monkeypatch):
+    made, asked = forecaster(systems["arm"]), []
+    near = made.forecast(np.ones((1, 6)), CLEAR["arm"][None])._replace(closest=np.array([AWAY / 2]))
+
+    def forecast(rho, *others):
+        asked.append(len(rho))
+        return type(near)(*(np.repeat(part, len(rho), 0) for part in near))
+
+    monkeypatch.setattr(made, "forecast", forecast)
+    made.linearise(np.ones((1, 6)), CLEAR["arm"][None])
+    assert asked == [1, 6]
 
 
 def test_the_gap_is_negative_in_contact_alone(system):

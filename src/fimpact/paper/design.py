@@ -191,8 +191,8 @@ def multisine(task: Task) -> Design:
 def contact_implicit(task: Task, start: np.ndarray | None = None) -> Design:
     """The paper's direct transcription: the most information at the estimate, through rigid contact.
 
-    Of the stages' designs, from contact felt from afar to rigid contact, that is taken which tells most where contact
-    is soft: rigid contact is infinitely telling where it is grazed, and soft contact is not.
+    Of the designs on the way, from contact felt from afar to rigid contact, that is taken which tells most where
+    contact is soft: rigid contact is infinitely telling where it is grazed, and soft contact is not.
 
     Args:
         start: initial design (d,); a uniform draw if not given.

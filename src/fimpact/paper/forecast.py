@@ -23,6 +23,7 @@ from fimpact.paper.systems.base import System
 from fimpact.support.mujoco_setup import hush
 
 STEP = 1e-7  # relative; large against round-off, small against the bends of contact
+AWAY = 1e-4  # m; a gap that no robot that differs by STEP closes
 ENCODER_NOISE = 1e-3  # rad or m; what a contact-blind designer of a silent force sensor looks at instead
 WIDTH = 64  # rows whose parameters or inputs are prepared together
 CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -56,12 +57,22 @@ class Forecaster:
         return self._run([models[i] for i in own.ravel()], design)
 
     def linearise(self, rho: np.ndarray, design: np.ndarray, blind: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened measurement (n, T * ny) or, `blind`, motion, and its derivatives in rho, (n, T * ny, p)."""
-        p = rho.shape[1]
-        moved = np.concatenate([rho[:, None], rho[:, None] + STEP * np.eye(p)], 1).reshape(-1, p)
-        found = self.forecast(moved, np.repeat(design, p + 1, 0), blind)
-        seen = (found.motion if blind else found.measurement).reshape(len(rho), p + 1, -1)
-        return seen[:, 0], ((seen[:, 1:] - seen[:, :1]) / STEP).transpose(0, 2, 1)
+        """Whitened measurement (n, T * ny) or, `blind`, motion, and its derivatives in rho, (n, T * ny, p).
+
+        A row that keeps clear of the surface and reads nothing would read nothing of a robot that differs by `STEP`
+        either: its derivatives are zero, and are not simulated.
+        """
+        p, found = rho.shape[1], self.forecast(rho, design, blind)
+        seen = found.motion if blind else found.measurement
+        silent = (found.closest > AWAY) & ~found.measurement.any(1)  # what diverged is NaN, which is not silent
+        told = np.arange(len(rho)) if blind else np.flatnonzero(~silent)
+        slopes = np.zeros((len(rho), p, seen.shape[1]))
+        if len(told):
+            moved = (rho[told, None] + STEP * np.eye(p)).reshape(-1, p)
+            beside = self.forecast(moved, np.repeat(design[told], p, 0), blind)
+            ahead = (beside.motion if blind else beside.measurement).reshape(len(told), p, -1)
+            slopes[told] = (ahead - seen[told, None]) / STEP
+        return seen, slopes.transpose(0, 2, 1)
 
     def _robots(self, rho: np.ndarray, blind: bool) -> list[mujoco.MjModel]:
         while len(self._models) < len(rho):
@@ -76,7 +87,8 @@ class Forecaster:
 
     def _run(self, models: list[mujoco.MjModel], design: np.ndarray) -> Forecast:
         model, steps = self.template, self.system.steps
-        qpos, qvel, ctrl = self._prepare.launches(design)
+        each, own = np.unique(design, axis=0, return_inverse=True)  # many robots play the same design
+        qpos, qvel, ctrl = (part[own.ravel()] for part in self._prepare.launches(each))
         start = np.zeros((len(models), mujoco.mj_stateSize(model, STATE)))
         start[:, 1 : 1 + model.nq + model.nv] = np.hstack([qpos, qvel])
         state, sensed = self._engine.rollout(models, self._data, start, ctrl if model.nu else None, nstep=steps)
