@@ -228,3 +228,21 @@ def test_a_fit_that_stays_above_its_bar_ends_and_has_not_converged(monkeypatch):
     assert plain.converged and plain.rounds > 2
     assert not ended.converged and ended.rounds == 2
     assert smooth(made.track, made.begun, made.noise, bar=plain.loss() + 1e3).converged
+
+
+@pytest.mark.parametrize(("late", "sound"), [(2, True), (1, False)])
+def test_of_a_fit_that_runs_away_stands_what_was_nearly_still_before(monkeypatch, late, sound):
+    plain, count = smoother.solve, []
+
+    def runs_away(*given):
+        found = plain(*given)
+        count.extend([1] * (len(given) > 6))  # with a dispersion: once a round
+        return replace(found, chi2=np.inf) if len(given) > 6 and len(count) == late + 1 else found
+
+    made = prepare(rod(0.15), refine=1)
+    known = smooth(made.track, made.begun, made.noise)
+    monkeypatch.setattr(smoother, "solve", runs_away)
+    found = smooth(made.track, made.begun, made.noise)
+    assert known.rounds > late and not found.converged
+    assert np.isfinite(found.chi2) == sound
+    assert not sound or np.allclose(found.tau, known.tau, atol=0.02 * np.abs(known.tau).max())

@@ -109,6 +109,7 @@ def smooth(
     pace, converged, k, change = Pace(), False, 0, np.inf
     least, lost, hopeless = np.inf, 0, 0  # of the rounds so far, and rounds since that fit worse than it or than `bar`
     best: tuple[States, np.ndarray, np.ndarray, Levels, list[Parameter]] | None = None
+    calm, calmest = np.inf, best
     for k in range(rounds + len(anneal)):
         rough = k < len(anneal)
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
@@ -134,6 +135,8 @@ def smooth(
             break
         dispersion, surprise = found.dispersion, found.surprise
         change, far = found.moves(linear, levels, track), found.farthest(numbers)
+        if not rough and change <= calm:
+            calm, calmest = change, (states, tau, doubt, levels, numbers)
         travels = any(n.log and abs(own) > 0.99 * np.log(TRUST) for n, own in zip(numbers, found.step, strict=True))
         if k > len(anneal) + 1 and not travels and max(change, far / FAR) > SHRINKS * last_step:
             # Signs of speeds within their doubt that flip back and forth: what friction is there, is in between.
@@ -173,6 +176,9 @@ def smooth(
                 break
         if change > WORN:
             linear = None
+    ran_away = not np.isfinite(found.chi2)
+    if ran_away:  # where it was nearly still before, what stands is how it was
+        best, least = calmest, calm
     if not converged and best is not None and np.isfinite(least):
         states, tau, doubt, levels, numbers = best
         fixed, linear, sign = numbers or fixed, None, None
@@ -180,6 +186,10 @@ def smooth(
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise, now=levels)
     assert linear is not None and levels is not None
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
+    if ran_away and np.isfinite(found.chi2):
+        change = found.moves(linear, levels, track)
+        sound = change < WORN and found.chi2 < TRUST * np.isfinite(track.measured).sum()
+        found = found if sound else replace(found, chi2=np.inf)
     fixed = numbers or fixed
     count = int(np.isfinite(track.measured).sum())
     return Smoothed(
