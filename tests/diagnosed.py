@@ -31,7 +31,7 @@ def diagnosis_of(
         others = [_forced(prepared, naive, (name,)) for name in rivals]
         kept = tuple(Alternative(fit.placed, fit.theta, 0.4) for fit in others)
         missing, left = (naive.tau**2).sum(0), Leftover(None, None, 0.0, ())
-        return Explanation(naive, final, len(answer), (), kept, 0.01, motion_scales(naive), missing, left)
+        return Explanation(naive, final, frozenset(), (), kept, 0.01, motion_scales(naive), missing, left)
 
     with patch.object(pipeline, "explain", explain):
         return diagnose(recording, brief=brief)

@@ -108,7 +108,7 @@ BAD = [  # what is wrong, the MJCF, a word of the refusal, other files
     ("laughs", '<!DOCTYPE m [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>' + MODEL, "entities", {}),
 ]
 LINK = '<joint kind="main"/><geom type="capsule" size=".01"/>'
-ROPE = f'<composite type="cable" count="9000 1 1" size="1">{LINK}</composite>'
+ROPE = f'<composite type="cable" count="9000 1 1" curve="s" size="900">{LINK}</composite>'
 HEAVY = [  # refused after a child has tried, in seconds
     ("replicate in replicate", world(GRID), "replicate"),
     ("cloth", world(CLOTH), "flexcomp 'cloth'"),
