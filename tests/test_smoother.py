@@ -221,7 +221,7 @@ def test_no_law_of_a_reading_is_fitted_to_the_noise_of_a_smoothed_acceleration()
 
 
 def test_a_fit_that_stays_above_its_bar_ends_and_has_not_converged(monkeypatch):
-    monkeypatch.setattr(smoother, "HOPELESS", 2)
+    monkeypatch.setattr(smoother, "ROUNDS_ABOVE_BAR", 2)
     made = prepare(rod(0.15), refine=1)
     plain = smooth(made.track, made.begun, made.noise)
     ended = smooth(made.track, made.begun, made.noise, bar=plain.loss() - 1e3)

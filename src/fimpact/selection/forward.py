@@ -145,11 +145,11 @@ class Search:
         """
         regression, found = self._asked_anew()
         if found.chosen is not None:
-            return self.chose(regression, found, self.missing, SHARE)
+            return self.adopt(regression, found, self.missing, SHARE)
         if self.current.placed and not self.limits.quick:
             rest, later = self.searched(self.open(), self.left(), REFINES)
             if later.chosen is not None:
-                return self.chose(rest, later, self.left(), REFINES)
+                return self.adopt(rest, later, self.left(), REFINES)
         self.rounds += [] if self.tries > 1 or self.rounds else [found]
         return exchanged(self, regression, self.offered(self.open()))
 
@@ -167,7 +167,7 @@ class Search:
         )
         return regression, found
 
-    def chose(self, regression: Regression, found: Round, missing: np.ndarray, floor: float) -> bool:
+    def adopt(self, regression: Regression, found: Round, missing: np.ndarray, floor: float) -> bool:
         """Refit with what a round chose; False where too many refits in a row have not converged.
 
         Args:

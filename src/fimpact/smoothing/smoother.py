@@ -27,7 +27,7 @@ from fimpact.smoothing.stretches import stretches
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
 FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much as a reading's noise
 SHRINKS = 0.7  # of the last step: a next one that is longer does not converge by itself
-HOPELESS = 4  # rounds in a row that fit worse than a fit has to
+ROUNDS_ABOVE_BAR = 4  # rounds in a row that fit worse than a fit has to
 INNER = 4  # updates of the noise levels between two linearisations
 
 
@@ -107,9 +107,9 @@ def smooth(
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
-    least, lost, hopeless = np.inf, 0, 0  # of the rounds so far, and rounds since that fit worse than it or than `bar`
+    least, lost, above_bar = np.inf, 0, 0  # of the rounds so far, and rounds since that fit worse than it or than `bar`
     best: tuple[States, np.ndarray, np.ndarray, Levels, list[Parameter]] | None = None
-    calm, calmest = np.inf, best
+    least_move, before_divergence = np.inf, best
     for k in range(rounds + len(anneal)):
         rough = k < len(anneal)
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
@@ -135,8 +135,8 @@ def smooth(
             break
         dispersion, surprise = found.dispersion, found.surprise
         change, far = found.moves(linear, levels, track), found.farthest(numbers)
-        if not rough and change <= calm:
-            calm, calmest = change, (states, tau, doubt, levels, numbers)
+        if not rough and change <= least_move:
+            least_move, before_divergence = change, (states, tau, doubt, levels, numbers)
         travels = any(n.log and abs(own) > 0.99 * np.log(TRUST) for n, own in zip(numbers, found.step, strict=True))
         if k > len(anneal) + 1 and not travels and max(change, far / FAR) > SHRINKS * last_step:
             # Signs of speeds within their doubt that flip back and forth: what friction is there, is in between.
@@ -164,8 +164,8 @@ def smooth(
         levels = in_modes(track, states, tau, levels)
         if converged:
             break
-        hopeless = hopeless + 1 if found.fit + found.cost > bar and k >= len(anneal) else 0
-        if hopeless == HOPELESS:
+        above_bar = above_bar + 1 if found.fit + found.cost > bar and k >= len(anneal) else 0
+        if above_bar == ROUNDS_ABOVE_BAR:
             break
         if patience and k >= len(anneal):
             loss = found.fit + found.cost
@@ -176,9 +176,9 @@ def smooth(
                 break
         if change > WORN:
             linear = None
-    ran_away = not np.isfinite(found.chi2)
-    if ran_away:  # where it was nearly still before, what stands is how it was
-        best, least = calmest, calm
+    diverged = not np.isfinite(found.chi2)
+    if diverged:  # where it was nearly still before, what stands is how it was
+        best, least = before_divergence, least_move
     if not converged and best is not None and np.isfinite(least):
         states, tau, doubt, levels, numbers = best
         fixed, linear, sign = numbers or fixed, None, None
@@ -186,7 +186,7 @@ def smooth(
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise, now=levels)
     assert linear is not None and levels is not None
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
-    if ran_away and np.isfinite(found.chi2):
+    if diverged and np.isfinite(found.chi2):
         change = found.moves(linear, levels, track)
         sound = change < WORN and found.chi2 < TRUST * np.isfinite(track.measured).sum()
         found = found if sound else replace(found, chi2=np.inf)

@@ -123,7 +123,7 @@ def _strips(ax: Axes, system: str, trials: pd.DataFrame) -> None:
     ax.set(xscale="log", ylim=(len(methods) - 0.5, -0.5), xlabel="parameter error after the last experiment (rms)")
     log_ticks(ax.xaxis, *ax.get_xlim(), in_percent)
     best = error[methods].median().idxmin()
-    ax.set_title(f"{system.capitalize()}: lowest median error by {METHODS[str(best)][0]}; one mark per seed")
+    ax.set_title(f"{system.capitalize()}: {METHODS[str(best)][0]} errs least, in the median")
 
 
 def _strip(ax: Axes, place: int, method: str, error: pd.Series) -> None:
