@@ -73,7 +73,7 @@ def test_taking_an_effect_away_leaves_the_data_of_a_model_without_it():
     _, asked, _ = begun_with(0.15, "coulomb", "pivot")
     rows, friction = asked.columns.innovations, asked.smoothed.numbers[0]
     data = rows[:, 0, 0] + rows[:, 0, 1] * (1.0 if friction.log else friction.value)
-    without = asked.without(0)
+    without = asked.without([0])
     np.testing.assert_allclose(without.square, np.bincount(asked.stretch, weights=data**2), rtol=1e-9)
     np.testing.assert_allclose(without.right[:, 0], np.bincount(asked.stretch, weights=data * rows[:, 0, 1]), rtol=1e-9)
     assert without.dispersion == asked.dispersion and without.square.sum() > 10 * asked.square.sum()

@@ -9,6 +9,7 @@ from diagnosed import nothing, rubbing, undecided
 
 from fimpact.benchmark.grading.strata import track_record as counted
 from fimpact.benchmark.rigs.registry import RIGS
+from fimpact.diagnosis import blind_record
 from fimpact.diagnosis import track_record as told
 from fimpact.diagnosis.track_record import rig_like, track_record
 
@@ -22,7 +23,7 @@ def test_a_robot_of_the_benchmark_is_like_itself(rig):
 
 
 def test_the_page_cites_what_was_published():
-    packaged = Path(told.__file__).with_name(told.TABLE)
+    packaged = Path(blind_record.__file__).with_name(blind_record.TABLE)
     assert packaged.read_bytes() == PUBLISHED.read_bytes()
 
 
@@ -52,7 +53,17 @@ def test_counts_are_those_of_the_cases():
 )
 def test_an_answer_cites_the_row_of_its_rig(monkeypatch, made, words):
     row = {"rig": "arm_free", "certain": "8", "right": "7", "choices": "5", "held": "4", "visible": "9", "found": "6"}
-    monkeypatch.setattr(told, "_rows", lambda: {"arm_free": row})
+    monkeypatch.setattr(told, "rows", lambda: {"arm_free": row})
     assert words in track_record(made())
-    monkeypatch.setattr(told, "_rows", lambda: {})
+    monkeypatch.setattr(told, "rows", lambda: {})
     assert track_record(made()) == ""
+
+
+def test_an_answer_is_trusted_as_far_as_such_answers_were_right_blind(monkeypatch):
+    rows = {rig: {"certain": "4", "right": "3", "choices": "0", "held": "0"} for rig in ("leg", "block")}
+    monkeypatch.setattr(blind_record, "rows", lambda: rows)
+    assert blind_record.share_that_held(choice=False) == pytest.approx(7 / 10)
+    assert blind_record.share_that_held(choice=True) == pytest.approx(1 / 2)
+    assert rubbing().confidence == pytest.approx(7 / 10)
+    assert undecided().confidence == pytest.approx(1 / 1.4 / 2)
+    assert nothing().confidence is None

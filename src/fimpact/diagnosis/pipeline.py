@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from fimpact.deciding import UNLIKELY
+from fimpact.diagnosis.blind_record import share_that_held
 from fimpact.diagnosis.freed_model import fit_freed
 from fimpact.diagnosis.held_out import Proof, prove
 from fimpact.diagnosis.identifiability.blind_spots import not_shown
@@ -27,6 +29,7 @@ from fimpact.smoothing.prepare import Prepared, prepare
 SCHEMA = 3
 MOST_ROUNDS = 5  # of what was tried next in a round that are told
 NONE, UNNAMED = "none", "unnamed"
+NAMELESS_RIVAL = "something that has no name in the catalogue"
 
 
 @dataclass(frozen=True)
@@ -64,8 +67,23 @@ class Diagnosis:
 
     @property
     def answer_set(self) -> list[str]:
-        """Names of all that the recordings leave, the answer first."""
-        return [member.name for member in self.members] or [self.answer]
+        """Names of all that the recordings leave, the answer first; `UNNAMED` last, where it may be nothing of them."""
+        named = [member.name for member in self.members] or [self.answer]
+        return named + [UNNAMED] * (self.nameless > UNLIKELY and UNNAMED not in named)
+
+    @property
+    def nameless(self) -> float:
+        """How likely, beside the answer's 1, something without a name stands in the place of a name."""
+        return self.explanation.left.instead if self.members else 0.0
+
+    @property
+    def confidence(self) -> float | None:
+        """The answer's share of the belief in all that the recordings leave, times how often such answers held the
+        truth, blind; None where nothing is named."""
+        if self.answer in (NONE, UNNAMED):
+            return None
+        total = sum(member.weight for member in self.members) + self.nameless
+        return share_that_held(len(self.answer_set) > 1) / total
 
     @property
     def converged(self) -> bool:
@@ -106,7 +124,8 @@ def diagnose(
     answer = _answer(effects, left)
     members = _members(found, answer)
     missing = answer != NONE
-    words = verdict(effects, [m.name for m in members[1:]], missing, left["sentence"] if missing else "", notes)
+    others = [NAMELESS_RIVAL] * (bool(members) and found.left.instead > UNLIKELY) + [m.name for m in members[1:]]
+    words = verdict(effects, others, missing, left["sentence"] if missing else "", notes)
     rivals = {p.name for own in (found.final.placed, *(a.placed for a in found.alternatives)) for p in own}
     unshown = () if brief or found.asked is None else not_shown(recording, found.asked(), rivals)
     return Diagnosis(
@@ -136,14 +155,14 @@ def _members(found: Explanation, answer: str) -> tuple[Member, ...]:
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
     """Everything a report shows, in plain types; the same diagnosis gives the same bytes."""
-    found, total = diagnosis.explanation, sum(m.weight for m in diagnosis.members)
+    found = diagnosis.explanation
     placed = found.final.placed
     return plain({
         "schema": SCHEMA,
         "verdict": diagnosis.verdict,
         "answer": diagnosis.answer,
         "answer_set": diagnosis.answer_set,
-        "confidence": 1 / total if total else 1.0,
+        "confidence": diagnosis.confidence,
         "members": [{p.name: p.values for p in m.hypothesis.placed} for m in diagnosis.members],
         "p": found.p,
         "acts_in": ("contact" if all(p.effect.touching for p in placed) else "any") if placed else None,

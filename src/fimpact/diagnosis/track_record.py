@@ -1,17 +1,12 @@
 """How often answers like this one were right, blind, on the simulated robot that is most like the one at hand."""
 
-import csv
-from functools import cache
-from importlib.resources import files
-
 import mujoco
 
-from fimpact.deciding import CONFIDENCE
+from fimpact.diagnosis.blind_record import rows
 from fimpact.diagnosis.pipeline import NONE, UNNAMED, Diagnosis
 from fimpact.effects.sites import has_servos
 from fimpact.effects.touching import can_touch
 
-TABLE = "track_record.csv"  # as `snakemake concealed` wrote it; docs/benchmark.md says of which seed and commit
 AXES = 5  # motors from which an arm is rather like that with six than like that with three
 RIGS = {
     "arm_free": "a planar arm with three torque motors",
@@ -26,7 +21,7 @@ RIGS = {
 def track_record(diagnosis: Diagnosis) -> str:
     """One sentence for the page; "" where the benchmark had no such answer."""
     rig, asked = rig_like(diagnosis.prepared.track.model, diagnosis.prepared.track.simulator.apart), _asked(diagnosis)
-    row = _rows().get(rig, {})
+    row = rows().get(rig, {})
     if asked is None or not int(row.get(asked[0], 0)):
         return ""
     count, good, text = asked
@@ -57,13 +52,6 @@ def _asked(diagnosis: Diagnosis) -> tuple[str, str, str] | None:
         return "visible", "found", "{good} of {count} effects were found that someone who knew them would have seen."
     if diagnosis.answer == UNNAMED:
         return None
-    total = sum(member.weight for member in diagnosis.members)
-    if len(diagnosis.members) == 1 and diagnosis.members[0].weight >= CONFIDENCE * total:
+    if len(diagnosis.answer_set) == 1:
         return "certain", "right", "{good} of {count} answers that left no choice were right in every name."
     return "choices", "held", "{good} of {count} answers that left a choice held the truth."
-
-
-@cache
-def _rows() -> dict[str, dict[str, str]]:
-    text = files("fimpact.diagnosis").joinpath(TABLE).read_text(encoding="utf-8")
-    return {row["rig"]: row for row in csv.DictReader(text.splitlines())}

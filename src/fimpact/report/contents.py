@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from fimpact.diagnosis.held_out import horizons_of, starts_of
-from fimpact.diagnosis.pipeline import Diagnosis, to_json
+from fimpact.diagnosis.pipeline import UNNAMED, Diagnosis, to_json
 from fimpact.effects.fields import fields_of
 from fimpact.export.improved_model import Exported, Predicted, write_model
 from fimpact.export.replay import XML
@@ -97,7 +97,7 @@ def _export(diagnosis: Diagnosis, folder: Path, runs: Sequence[Run], starts: Seq
 
 def alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """What the recordings cannot tell from the answer: its name, its share of the belief, and how it differs."""
-    total = sum(member.weight for member in diagnosis.members)
+    total = sum(member.weight for member in diagnosis.members) + diagnosis.nameless
     own: set[str] = set()
     rows = []
     for member in diagnosis.members:
@@ -107,6 +107,8 @@ def alternatives(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             {"name": member.name, "weight": member.weight / total, "without": sorted(own - names)}
             | {"with": sorted(names - own)}
         )
+    if UNNAMED in diagnosis.answer_set and diagnosis.members:
+        rows.append({"name": UNNAMED, "weight": diagnosis.nameless / total, "without": [], "with": []})
     return rows
 
 

@@ -1,6 +1,6 @@
 """Forward selection with refits: choose, refit with the trajectory, drop what is worth nothing, and look again."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,9 +101,9 @@ class Search:
         """Whether it is what is in already and a constant: it holds that, and has no shape of its own."""
         return bool(held_by(candidate.effect, candidate.site, self.current.placed)) and not candidate.shapes
 
-    def is_second_gear(self, tried: Sequence[Candidate], option: Option, out: int = -1) -> bool:
-        """Whether an option of `tried` puts a gear that gives where another does, but for the effect number `out`."""
-        held = {p.site for i, p in enumerate(self.current.placed) if p.effect.enters == "gear" and i != out}
+    def is_second_gear(self, tried: Sequence[Candidate], option: Option, out: Collection[int] = ()) -> bool:
+        """Whether an option of `tried` puts a gear that gives where another does, but for the effects number `out`."""
+        held = {p.site for i, p in enumerate(self.current.placed) if p.effect.enters == "gear" and i not in out}
         return any(tried[i].effect.enters == "gear" and tried[i].site in held for i in option.members)
 
     def _has_its_family(self, candidate: Candidate) -> bool:
@@ -113,7 +113,7 @@ class Search:
     def searched(self, tried: list[Candidate], missing: np.ndarray, floor: float) -> tuple[Regression, Round]:
         """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""
         steps = self.track.steps
-        offered = [option for option in self.offered(tried) if not self.is_second_gear(tried, option)]
+        offered = self._alone(tried)
         while True:
             regression = Regression(self.current, columns(self.current, tried, self._simulated))
             found = search(regression, offered, missing, floor)
@@ -132,10 +132,14 @@ class Search:
         self.track.steps = steps
         return found
 
-    def offered(self, tried: list[Candidate]) -> list[Option]:
+    def offered(self, tried: Sequence[Candidate]) -> list[Option]:
         """Options of what is tried, without those that failed or are not to be asked."""
         found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
         return [option for option in found if option.name not in self.failed]
+
+    def _alone(self, tried: Sequence[Candidate]) -> list[Option]:
+        """What is offered of these, but for a second gear at a joint."""
+        return [option for option in self.offered(tried) if not self.is_second_gear(tried, option)]
 
     def round(self) -> bool:
         """Choose and refit; False where nothing qualifies.
@@ -147,9 +151,9 @@ class Search:
         if found.chosen is not None:
             return self.adopt(regression, found, self.missing, SHARE)
         if self.current.placed and not self.limits.quick:
-            rest, later = self.searched(self.open(), self.left(), REFINES)
+            later = search(regression, self._alone(regression.columns.candidates), self.left(), REFINES)
             if later.chosen is not None:
-                return self.adopt(rest, later, self.left(), REFINES)
+                return self.adopt(regression, later, self.left(), REFINES)
         self.rounds += [] if self.tries > 1 or self.rounds else [found]
         return exchanged(self, regression, self.offered(self.open()))
 
@@ -205,19 +209,19 @@ class Search:
         in, but no less than what would not have been worth a name at first."""
         return np.maximum(((fit or self.current).tau ** 2).sum(0), SHARE * self.missing)
 
-    def refitted(self, regression: Regression, trial: Trial | Exchange, out: int = -1) -> Smoothed:
-        """The fit with the members of `trial`, begun where the regression has them, without the effect number `out`."""
+    def refitted(self, regression: Regression, trial: Trial | Exchange, out: Collection[int] = ()) -> Smoothed:
+        """The fit with the members of `trial`, begun where the regression has them, without the effects `out`."""
         own, known, theta = self.begun_with(regression, trial, out)
-        bar = self.current.loss() if out < 0 else np.inf
+        bar = np.inf if out else self.current.loss()
         return smooth(self.track, self.begun, self.noise, own, known, self.current, theta, self.progress, bar=bar)
 
     def begun_with(
-        self, regression: Regression, trial: Trial | Exchange, out: int = -1
+        self, regression: Regression, trial: Trial | Exchange, out: Collection[int] = ()
     ) -> tuple[tuple[Placed, ...], tuple, np.ndarray]:
         """What is in and the members of `trial` as the regression has them, their priors, and the unknowns, (p,)."""
         placed, priors = begun(regression, trial)
-        held = [law for i, law in enumerate(self.current.placed) if i != out]
-        gone = {out} | {i for law in placed for i in held_by(law.effect, law.site, self.current.placed)}
+        held = [law for i, law in enumerate(self.current.placed) if i not in out]
+        gone = {*out} | {i for law in placed for i in held_by(law.effect, law.site, self.current.placed)}
         placed = tuple(with_held(law, held) for law in placed)
         kept = [i for i in range(len(self.current.placed)) if i not in gone]
         steps = dict(zip(trial.estimate.kept, trial.estimate.values, strict=True))

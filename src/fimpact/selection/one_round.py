@@ -200,4 +200,7 @@ def worth(regression: Regression, column: int, step: float, missing: np.ndarray)
     force = np.einsum("kji,ki->kj", inverse_of_push(smoothed.track, smoothed.linear, sticks=False), change)
     if not force.any():  # of what is read, not of what acts
         return Worth(p, 1.0)
-    return Worth(p, float(((force**2).sum(0) / np.maximum(missing, 1e-300)).max()))
+    # A gear that gives moves what is read of its motor, too: the smoother would need a force for that.
+    needed = regression.columns.forces[:, :, 1 + column] * step
+    most = np.maximum((force**2).sum(0), (needed**2).sum(0))
+    return Worth(p, float((most / np.maximum(missing, 1e-300)).max()))

@@ -5,7 +5,7 @@ Independent is a stretch, not a sample: folds leave out whole stretches, and cov
 """
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -97,11 +97,11 @@ class Regression:
         prior = occam(numbers, information[: len(numbers), : len(numbers)], self.smoothed.count)
         return -0.5 * float(found.loss + away + prior + np.linalg.slogdet(information)[1])
 
-    def without(self, place: int) -> "Regression":
-        """The same data where the effect number `place` has been taken away; `smoothed` is still with it."""
+    def without(self, places: Collection[int]) -> "Regression":
+        """The same data where the effects number `places` have been taken away; `smoothed` is still with them."""
         step = np.zeros(self.gram.shape[1])
         for i, n in enumerate(self.smoothed.numbers):
-            if n.place == place and not is_shape(self.smoothed.placed[place], n.name):
+            if n.place in places and not is_shape(self.smoothed.placed[n.place], n.name):
                 step[i] = -1.0 if n.log else -n.value
         other = copy.copy(self)
         other.right = self.right - self.gram @ step

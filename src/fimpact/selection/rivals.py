@@ -4,6 +4,7 @@ Each takes the state of a search (`forward.Search`) and changes it.
 """
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -16,30 +17,44 @@ from fimpact.smoothing.smoother import Smoothed
 
 
 def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool:
-    """Put in the place of an effect what is likelier, refitted; what is as likely joins the set.
+    """Put in the place of an effect, or of two, what is likelier, refitted; what is as likely joins the set.
 
-    Under servos an effect is not exchanged: there the whole drive is one.
+    Under servos an effect is not exchanged, and of whole drives no two: there the whole drive is one.
     """
     if search.coupled:
         return False
     tried, spread = regression.columns.candidates, regression.dispersion
     beside = [option for option in offered if not search.is_second_gear(tried, option)]
-    others = exchanges(regression, offered, beside)
-    others = [e for e in others if not search.is_second_gear(tried, e.option, e.place)]
-    for other in [e for e in others if e.weight > np.exp(-TIED) and e.sure][:RIVALS]:
-        fit = search.refitted(regression, other, other.place)
-        fewer = len(fit.numbers) < len(search.current.numbers)
-        if fit.converged and fit.loss(spread) < search.current.loss(spread) + (TIED if fewer else -TIED):
-            search.progress(f"selecting: {other.option.name} in place of {search.current.placed[other.place].name}")
+    alone = [i for i, law in enumerate(search.current.placed) if law.name not in search.parts]
+    leaving = [*((i,) for i in range(len(search.current.placed))), *combinations(alone, 2)]
+    others = exchanges(regression, offered, beside, leaving)
+    others = [e for e in others if not search.is_second_gear(tried, e.option, e.places)]
+    others = [e for e in others if e.option.members or len(e.places) < 2]
+    # What stretches that were not fitted do not bear out is refitted where it would be far likelier: it may have been
+    # followed too far along its tangent.
+    asked = [e for e in others if e.weight > np.exp(-TIED if e.sure else TIED)][:RIVALS]
+    found = []
+    for other in asked:
+        fit = search.refitted(regression, other, other.places)
+        ahead = search.current.loss(spread) - fit.loss(spread) if fit.converged else -np.inf
+        fewer = (len(fit.numbers), len(fit.placed)) < (len(search.current.numbers), len(search.current.placed))
+        if other.sure and ahead > (-TIED if fewer else TIED):
+            gone = " and ".join(search.current.placed[i].name for i in other.places)
+            search.progress(f"selecting: {other.option.name} in place of {gone}")
             search.current, search.alternatives = fit, []
             return True
-        others.remove(other)
+        if other.option.members:
+            found.append(Alternative(fit.placed, fit.theta, float(np.exp(min(ahead, 0.0)))))
+    rest = [e for e in others if not any(e is own for own in asked)]
+    for other in [e for e in rest if e.option.members and e.weight < np.exp(TIED)]:
+        own, _, theta = search.begun_with(regression, other, other.places)
+        found.append(Alternative(own, theta, min(other.weight, 1.0)))
     known = {frozenset(p.name for p in a.placed) for a in search.alternatives}
-    # What would be far likelier, and is not borne out by stretches that were not fitted, was followed too far.
-    for other in [e for e in others if e.option.members and e.weight < np.exp(TIED)]:
-        own, _, theta = search.begun_with(regression, other, other.place)
-        if frozenset(p.name for p in own) not in known:
-            search.alternatives.append(Alternative(own, theta, min(other.weight, 1.0)))
+    for own in found:
+        names = frozenset(p.name for p in own.placed)
+        if own.weight > UNLIKELY and names not in known:
+            search.alternatives.append(own)
+            known.add(names)
     return False
 
 
@@ -60,12 +75,13 @@ def among_rivals(search, regression: Regression, found: Round, best: Smoothed) -
     orders = [found.chosen.option.order, *(trial.option.order for trial, _ in tried)]
     first = min(as_good, key=lambda i: (len(fits[i].numbers), orders[i], i))
     answers = [(fit.placed, fit.theta, w) for fit, w in zip(fits, weights, strict=True)]
-    # Where there was no refit, or none that converged, stands what the regression says.
+    # Where there was no refit, or none that converged, stands what the regression says, which is not believed further
+    # than that it is as likely.
     told = weights[0] if np.isfinite(losses[0]) else weights[first]
     for i, (trial, weight) in enumerate(rivals, 1):
         if i >= len(fits) or not np.isfinite(losses[i]):
             own, _, theta = search.begun_with(regression, trial)
-            answers[i : i + 1] = [(own, theta, weight * told)]
+            answers[i : i + 1] = [(own, theta, min(weight, 1.0) * told)]
     search.alternatives = [
         Alternative(placed, theta, float(w / weights[first]))
         for i, (placed, theta, w) in enumerate(answers)

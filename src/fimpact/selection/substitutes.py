@@ -1,7 +1,8 @@
 """What could stand in the place of each effect that is in, by the algebra of one regression.
 
 Forward selection never asks again what an early round answered, though later rounds may have made another answer
-likelier; and what is as likely is the set. An exchange of one for one, as in exact designs (Fedorov 1972).
+likelier; and what is as likely is the set. An exchange of one for one, as in exact designs (Fedorov 1972), or of two
+for one: what two stand-ins do together may be the work of one effect, which neither of them alone has made room for.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,11 +20,11 @@ NOTHING = "nothing"  # in place of an effect
 
 @dataclass(frozen=True)
 class Exchange:
-    """An option in place of the effect number `place`; weight: its marginal likelihood beside that of what is in;
-    sure: whether it has fewer numbers, or predicts stretches better that were not fitted, beyond chance;
-    better: by how much it does, in squared innovations."""
+    """An option in place of the effects number `places`; weight: its marginal likelihood beside that of what is in;
+    sure: whether it is simpler, by fewer numbers or by fewer effects that have no more, or predicts stretches better
+    that were not fitted, beyond chance; better: by how much it does, in squared innovations."""
 
-    place: int
+    places: tuple[int, ...]
     option: Option
     estimate: Estimate
     weight: float
@@ -42,36 +43,40 @@ class Alternative:
 
 
 def exchanges(
-    regression: Regression, offered: Sequence[Option], beside: Sequence[Option] | None = None
+    regression: Regression,
+    offered: Sequence[Option],
+    beside: Sequence[Option] | None = None,
+    leaving: Sequence[tuple[int, ...]] | None = None,
 ) -> list[Exchange]:
     """What is as likely in place of an effect that is in, nothing too, likeliest first, one choice of shapes a name.
 
     Args:
-        beside: what may stand beside all that is in, default: all of `offered`.
+        beside: what may stand beside all that is in, default: all of `offered`. leaving: effects, by number, that may
+            go together, default: each alone.
     """
     present = regression.solve(range(regression.p))
     now, errors = regression.evidence(present), regression.errors(present)
     singles = [Option(NOTHING, 0, ()), *(option for option in offered if len(option.members) == 1)]
-    best: dict[tuple[int, str], Exchange] = {}
+    best: dict[tuple[tuple[int, ...], str], Exchange] = {}
     together = _beside(regression, present.kept, offered if beside is None else beside)
     added = {option.members: evidence for option, _, evidence in together}
-    for place in range(len(regression.smoothed.placed)):
-        without = regression.without(place)
-        base = [i for i, n in enumerate(regression.smoothed.numbers) if n.place != place]
+    for places in leaving if leaving is not None else [(i,) for i in range(len(regression.smoothed.placed))]:
+        without = regression.without(places)
+        base = [i for i, n in enumerate(regression.smoothed.numbers) if n.place not in places]
         for option, columns, evidence in _beside(without, base, singles):
             if option.members and evidence < added.get(option.members, -np.inf):
                 continue  # it does no other's work: beside what is in it is likelier
             weight = float(np.exp(min(evidence - now, 700.0)))
-            known = best.get((place, option.name))
+            known = best.get((places, option.name))
             if weight > max(UNLIKELY, known.weight if known else 0.0) or not option.members:
                 found = without.solve([*base, *columns])
                 better = errors - without.errors(found)
                 spread = BELIEF * better.std() * np.sqrt(len(better))
                 if not option.members and better.sum() > -spread:  # what is in is not sure to be worth anything
                     weight = max(weight, 1.0)
-                simpler = len(base) + len(columns) < regression.p
+                simpler = len(base) + len(columns) < regression.p + (len(places) > len(option.members))
                 sure = bool(simpler or better.sum() > spread)
-                best[place, option.name] = Exchange(place, option, found, weight, sure, float(better.sum()))
+                best[places, option.name] = Exchange(places, option, found, weight, sure, float(better.sum()))
     return sorted(best.values(), key=lambda e: -e.weight)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fimpact.deciding import P_ALARM, SHARE, UNLIKELY
+from fimpact.deciding import P_ALARM, REFINES, SHARE, UNLIKELY
 from fimpact.effects.base import Coefficient, Effect
 from fimpact.effects.sites import ON_JOINT
 from fimpact.selection.one_round import search
@@ -31,13 +31,14 @@ KNOTS = 8  # of a smooth function, from the least to the most of what it follows
 @dataclass(frozen=True)
 class Leftover:
     """What is left without a name. dof, follows: where, and what it follows there, None: nothing smooth. share: of the
-    squared force that was missing there. doubted: names (``effect@site``) that explain less than half
-    of what such a function does."""
+    squared force that was missing there. doubted: names (``effect@site``) that explain less than half of what such a
+    function does. instead: how likely, beside the answer's 1 and at most that, one of its names is wrong."""
 
     dof: int | None
     follows: str | None
     share: float
     doubted: tuple[str, ...]
+    instead: float = 0.0
 
 
 def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
@@ -46,16 +47,18 @@ def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
     regression = Regression(fit, columns(fit, tried))
     offered = [Option(own.name, 0, (i,)) for i, own in enumerate(tried)]
     best = next((t for t in search(regression, offered, missing, SHARE).tried if _shows(t)), None)
-    others = exchanges(regression, offered)
-    worth = {e.place: -e.better for e in others if e.option.name == NOTHING}
-    likelier = [e for e in others if e.option.name != NOTHING and e.sure and e.weight * UNLIKELY > 1]
+    others = exchanges(regression, offered, beside=())  # nothing but a name can be what is left beside a name
+    worth = {e.places: -e.better for e in others if e.option.name == NOTHING}
+    likelier = [e for e in others if e.option.name != NOTHING and e.sure and e.weight > UNLIKELY]
     # No named law is exact: it is doubted where it explains less than half of what a smooth function does.
-    stronger = {e.place for e in likelier if e.better > worth[e.place]}
+    stronger = {e.places[0] for e in likelier if e.weight * UNLIKELY > 1 and e.better > worth[e.places]}
     doubted = tuple(fit.placed[place].name for place in sorted(stronger))
+    # What refines a law by less than a tenth leaves it a law.
+    instead = max((min(e.weight, 1.0) for e in likelier if e.better > REFINES * worth[e.places]), default=0.0)
     if best is None:
-        return Leftover(None, None, 0.0, doubted)
+        return Leftover(None, None, 0.0, doubted, instead)
     what, dof = best.option.name.split("@")
-    return Leftover(int(dof), what, best.share, doubted)
+    return Leftover(int(dof), what, best.share, doubted, instead)
 
 
 def _shows(trial) -> bool:

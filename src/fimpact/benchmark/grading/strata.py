@@ -6,7 +6,6 @@ from typing import Any
 import pandas as pd
 from scipy.stats import binomtest
 
-CERTAIN = 0.95  # stated confidence from which a single name is certain
 SIZES = (0.0, 30.0, 300.0, 3000.0, float("inf"))  # edges of non-centrality
 VISIBLE = 30.0  # non-centrality from which an oracle sees an effect
 DEPTHS = (-float("inf"), 0.5, 0.9, float("inf"))  # edges of concealment
@@ -38,7 +37,7 @@ def _bands(values: pd.Series, edges: tuple[float, ...]) -> pd.Series:
 
 def _certain(cases: pd.DataFrame) -> pd.Series:
     alone = ~cases.answer_set.astype(str).str.contains("|", regex=False)
-    return alone & (cases.confidence.astype(float) >= CERTAIN) & (cases.answer != "unnamed")
+    return alone & (cases.answer != "unnamed")
 
 
 def _good(cases: pd.DataFrame) -> pd.Series:
