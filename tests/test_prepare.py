@@ -12,8 +12,9 @@ import fimpact.smoothing.time_step as refinement
 from fimpact.effects.sites import contacts
 from fimpact.effects.touching import can_touch
 from fimpact.simulation.simulator import Simulator
+from fimpact.smoothing.dynamics.plant import Plant, plant_of
 from fimpact.smoothing.dynamics.response import Response
-from fimpact.smoothing.dynamics.track import Plant, Track
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
 from fimpact.smoothing.time_step import COARSER, FINER, FINEST
 
@@ -37,7 +38,7 @@ def driven(refine: int = 1) -> Prepared:
 
 def plant(made: Prepared) -> tuple[Plant, np.ndarray]:
     still = np.zeros_like(made.begun.qvel)
-    return made.track.plant((), made.track.simulator.theta, made.begun, still, still + 1e-3), still
+    return plant_of(made.track, (), made.track.simulator.theta, made.begun, still, still + 1e-3), still
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ PROOF += of(
 PROOF += of("smoothing", "noise_levels parameters prepare servo_lag smoother states step stretches time_step")
 PROOF += of(
     "smoothing/dynamics",
-    "body_inertia dry_friction inverse laws linear plain_motors response sampled_commands side_by_side track",
+    "body_inertia dry_friction inverse laws linear plain_motors plant response sampled_commands side_by_side track",
 )
 PROOF += of("smoothing/filter", "by_run kalman")
 FINDING = [*PROOF, *of("smoothing", "candidates columns simulated_laws"), "effects/classes"]
