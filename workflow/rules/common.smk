@@ -51,7 +51,7 @@ TABLES = ["support/tables", "support/atomic_files"]
 TRIAL = [*MODEL, *FORECAST, *PLANNING, *TABLES]
 TRIAL += of("paper", "reference_simulator design search estimate task trial")
 FAMILIES = "actuation contact environment friction masses sensing servos structure transmission"
-CATALOGUE = of("effects", "__init__ base drives gears law_inputs native priors sites touching typical") + of(
+CATALOGUE = of("effects", "__init__ base drives gears law_inputs native priors sites touching typical wiring") + of(
     "effects/families", FAMILIES
 )
 SHARED = ["__init__", *TABLES, "recordings", *of("benchmark", "archive jsonl")]

@@ -8,8 +8,8 @@ import mujoco
 
 from fimpact.deciding import CONFIDENCE
 from fimpact.diagnosis.pipeline import NONE, UNNAMED, Diagnosis
-from fimpact.effects.sites import has_servos
 from fimpact.effects.touching import can_touch
+from fimpact.effects.wiring import has_servos
 
 TABLE = "track_record.csv"  # as `snakemake concealed` wrote it; docs/benchmark.md says of which seed and commit
 AXES = 5  # motors from which an arm is rather like that with six than like that with three

@@ -14,8 +14,9 @@ from fimpact.deciding import BELIEF, REFINES
 from fimpact.effects.base import Effect, Placed
 from fimpact.effects.families.actuation import EFFECTS as OF_MOTORS
 from fimpact.effects.families.servos import EFFECTS as OF_SERVOS
-from fimpact.effects.sites import ALL, has_servos
+from fimpact.effects.sites import ALL
 from fimpact.effects.typical import late as typical
+from fimpact.effects.wiring import has_servos
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.track import Track

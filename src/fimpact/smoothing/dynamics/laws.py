@@ -16,7 +16,7 @@ from fimpact.effects.base import Placed
 from fimpact.effects.drives import ahead_of, is_servo, motor_force
 from fimpact.effects.gears import Shaft, encoders
 from fimpact.effects.law_inputs import State
-from fimpact.effects.sites import ON_JOINT
+from fimpact.effects.wiring import ON_JOINT
 from fimpact.smoothing.dynamics.side_by_side import groups_of, longest_piece, shafts_abreast, values_of
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States

@@ -6,8 +6,8 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fimpact.effects.sites import ON_JOINT
 from fimpact.effects.touching import can_touch
+from fimpact.effects.wiring import ON_JOINT
 from fimpact.simulation.servo_steps import is_long
 from fimpact.smoothing.dynamics.inverse import EDITED, RESTING, Inverse, edits
 from fimpact.smoothing.dynamics.laws import reading_of
