@@ -2,7 +2,6 @@
 # compares the lists with what the modules import.
 
 
-
 def of(package, modules):
     """Package files of `modules`, names in one text, of one package."""
     return [f"{package}/{name}" for name in modules.split()]

@@ -6,7 +6,7 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
-from recorded import ROD, record, waves
+from recorded import BALL, ROD, record, waves
 
 import fimpact.smoothing.time_step as refinement
 from fimpact.effects.sites import contacts
@@ -17,10 +17,6 @@ from fimpact.smoothing.dynamics.response import Response
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
 from fimpact.smoothing.time_step import COARSER, FINER, FINEST
-
-BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
-<body name="ball" pos="0 0 0.3"><freejoint name="free"/><geom name="ball" size="0.05" mass="0.3"/></body></worldbody>
-<sensor><framepos name="place" objtype="xbody" objname="ball"/></sensor></mujoco>"""
 
 
 @cache
