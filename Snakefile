@@ -21,6 +21,7 @@ configfile: "config/recordings.yaml"
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/package_files.smk"
 
 
 pathvars:

@@ -13,6 +13,7 @@ import yaml
 from fimpact.paper.systems import SYSTEMS, make_system
 
 ROOT = Path(__file__).parents[1]
+RECORDINGS = ROOT.parent / "shared" / "recordings"  # as measured, where they are
 
 # Designs that touch at the nominal parameters: a steady push of the first joint, and a slanted throw.
 TOUCHING = {"arm": np.tile([1.5, 0.0, 0.0], 8), "block": np.array([0.3, 0.5, -3.0, 2.0])}

@@ -16,6 +16,9 @@ ROD = """<mujoco><option timestep="0.005"/><worldbody><body name="rod"><joint na
 <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.015" mass="0.3" contype="0" conaffinity="0"/></body></worldbody>
 <actuator><motor name="motor" joint="pivot"/></actuator>
 <sensor><jointpos name="angle" joint="pivot"/></sensor></mujoco>"""
+BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
+<body name="ball" pos="0 0 0.3"><freejoint name="free"/><geom name="ball" size="0.05" mass="0.3"/></body></worldbody>
+<sensor><framepos name="place" objtype="xbody" objname="ball"/></sensor></mujoco>"""
 ARM = """<mujoco><option timestep="0.005"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
 <body name="upper"><joint name="shoulder" axis="0 1 0" damping="0.02"/>
 <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="0.5"/>

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from conftest import ROOT
 
 from fimpact.paper import config as checker
 from fimpact.paper.config import check
 
-ROOT = Path(__file__).parents[1]
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 
 

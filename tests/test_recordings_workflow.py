@@ -1,18 +1,14 @@
 """The graph of the recordings: what is published is fetched, what is there is left alone, what is missing is named."""
 
 import hashlib
-import threading
-from functools import partial
-from http.server import ThreadingHTTPServer
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from conftest import marked
-from test_concealed_workflow import needed
-from test_fetch import CONTENT, Handler
-from test_workflow import ROOT, copy, imported, planned, snakemake, stages
+from conftest import ROOT, marked
+from graph import copy, imported, needed, planned, snakemake, stages
+from web_server import CONTENT, serving
 
 from fimpact.benchmark.comparators.rig_summary import to_markdown
 from fimpact.support.schema_check import check_keys
@@ -71,15 +67,11 @@ def test_a_case_that_is_wrong_is_named_in_one_line(tree):
 
 
 def test_fetching_ends_with_the_right_file_or_with_none(tree, tmp_path):
-    (tmp_path / "served").mkdir()
-    (tmp_path / "served" / "log.bin").write_bytes(CONTENT)
     good = hashlib.sha256(CONTENT).hexdigest()
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=str(tmp_path / "served"))) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        row = {"url": f"http://127.0.0.1:{server.server_port}/log.bin", "licence": "MIT"}
+    with serving(tmp_path / "served") as address:
+        row = {"url": f"{address}/log.bin", "licence": "MIT"}
         offer(tree, row | {"file": "rig/good.bin", "sha256": good}, row | {"file": "rig/bad.bin", "sha256": "0" * 64})
         done = snakemake(tree, "fetch_all", "--cores", "1", "--keep-going")
-        server.shutdown()
     assert done.returncode != 0 and "not the one expected" in done.stderr
     folder = tree / "data" / "recordings" / "rig"
     assert [path.name for path in folder.iterdir()] == ["good.bin"]

@@ -1,42 +1,16 @@
 """The graph: what is asked for is what runs, and an edit reruns what depends on it and nothing else."""
 
-import ast
-import os
-import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from conftest import ROOT
+from graph import copy, imported, planned, snakemake, stages
 
-ROOT = Path(__file__).parents[1]
-SNAKEMAKE = Path(sys.executable).with_name("snakemake")
 SMOKE = ["--configfile", "config/smoke.yaml"]
 DRAWN = {"panels", "ablation", "curve"}
 SIMULATED = {"trials", "sweep", "reach", "plans", "identifiability"}
-
-
-def snakemake(tree: Path, *arguments: str) -> subprocess.CompletedProcess:
-    environment = os.environ | {"PYTHONPATH": str(tree / "src")}
-    return subprocess.run([SNAKEMAKE, *arguments], cwd=tree, env=environment, capture_output=True, text=True)
-
-
-def planned(tree: Path, *arguments: str) -> dict[str, int]:
-    """Number of jobs per rule that a run would start."""
-    done = snakemake(tree, *arguments, "--dry-run")
-    assert done.returncode == 0, done.stderr
-    stats = re.search(r"^Job stats:\n.*?\n-+  -+\n(.*?)\ntotal ", done.stdout + done.stderr, re.S | re.M)
-    rows = [line.split() for line in stats[1].splitlines()] if stats else []
-    return {rule: int(count) for rule, count in rows if rule != "all"}
-
-
-def copy(to: Path) -> Path:
-    for name in ("src", "workflow", "config", "profiles"):
-        shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-    shutil.copy(ROOT / "Snakefile", to)
-    return to
 
 
 @pytest.fixture(scope="module")
@@ -153,33 +127,6 @@ def test_a_key_of_the_design_reruns_the_methods_that_look_at_it(finished, overri
 def test_changed_sweep_does_not_rerun_the_trials(finished):
     (finished / "sweep.yaml").write_text("sweep: {surfaces: {arm: [0.5, 0.6, 0.7]}}")
     assert set(planned(finished, *SMOKE, "sweep.yaml")) == {"sweep", "gather", "curve", "summary"}
-
-
-def stages() -> dict[str, list[str]]:
-    """The lists of package files in common.smk."""
-    text = (ROOT / "workflow" / "rules" / "common.smk").read_text()
-    names: dict = {}
-    exec(re.search(r"^MODEL = .*?^}\n", text, re.S | re.M)[0], names)
-    return names["STAGES"]
-
-
-def imported(path: Path) -> set[Path]:
-    """Package files that `path` imports, directly or through others."""
-    found, todo = set(), [path]
-    while todo:
-        for module in _imports(todo.pop()):
-            base = ROOT / "src" / Path(*module.split("."))
-            new = {file for file in (base.with_suffix(".py"), base / "__init__.py") if file.exists()} - found
-            found, todo = found | new, [*todo, *new]
-    return found
-
-
-def _imports(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("fimpact"):
-            yield "fimpact"
-            yield node.module
-            yield from (f"{node.module}.{name.name}" for name in node.names)
 
 
 @pytest.mark.parametrize(

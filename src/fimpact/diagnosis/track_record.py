@@ -4,8 +4,8 @@ import mujoco
 
 from fimpact.diagnosis.blind_record import rows
 from fimpact.diagnosis.pipeline import NONE, UNNAMED, Diagnosis
-from fimpact.effects.sites import has_servos
 from fimpact.effects.touching import can_touch
+from fimpact.effects.wiring import has_servos
 
 AXES = 5  # motors from which an arm is rather like that with six than like that with three
 RIGS = {

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import mujoco
 
-from fimpact.effects import EFFECTS, sites
+from fimpact.effects import EFFECTS, sites, wiring
 from fimpact.effects.base import RIGID_BODIES, Effect
 from fimpact.effects.sites import ALL, DRAGS, WORLD
 
@@ -126,7 +126,7 @@ def _kind(effect: Effect, site: str, model) -> str:
 
 
 def _sensor(site: str, model) -> str:
-    kind = KINDS.get(int(model.sensor(sites.base(site)).type[0]), "other sensor")
+    kind = KINDS.get(int(model.sensor(wiring.base(site)).type[0]), "other sensor")
     return f"axis of every {kind}" if "[" in site else kind
 
 

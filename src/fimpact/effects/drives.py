@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.law_inputs import HELD, MOTORS, State
-from fimpact.effects.sites import driven, drives
+from fimpact.effects.sites import driven
+from fimpact.effects.wiring import drives
 
 
 @dataclass(frozen=True)

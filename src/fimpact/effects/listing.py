@@ -12,7 +12,7 @@ from fimpact.cases.models.naive import read_model
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Coefficient, Effect
 from fimpact.effects.fields import SIMULATORS, fields_of
-from fimpact.effects.sites import HINGE, SLIDE
+from fimpact.effects.wiring import HINGE, SLIDE
 
 WIDE = 110  # columns of a terminal
 SLIDES = "On slides N, m and linear stand in the place of N m, rad and angular, and nothing is per degree."

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from fimpact.effects import sites, typical
+from fimpact.effects import sites, typical, wiring
 from fimpact.effects.base import Scales, Values
 
 Prior = Callable[[Scales, mujoco.MjModel, str], Values]
@@ -104,7 +104,7 @@ def torque_offset(scales, model, site):
 def droop(scales, model, site):
     """Of a tenth at the largest force of all motors together."""
     gears = np.abs(model.actuator_gear[:, 0])
-    motors = [i for joint in sites.driven(model) for i in sites.drives(model, joint)]
+    motors = [i for joint in sites.driven(model) for i in wiring.drives(model, joint)]
     most = sum(gears[i] * typical.max_actuator_force(scales, model, model.actuator(i).name) for i in motors)
     return {"droop": float(0.1 / max(most, typical.FLOOR))}
 
@@ -151,16 +151,16 @@ def rigid_body(scales, model, site):
 
 def sensor_bias(scales, model, site):
     """Zero marks of encoders, data sheets of inertial sensors, and of other sensors a tenth of what they show."""
-    sensor = model.sensor(sites.base(site))
+    sensor = model.sensor(wiring.base(site))
     kind = int(sensor.type[0])
-    slides = kind == mujoco.mjtSensor.mjSENS_JOINTPOS and model.jnt_type[sensor.objid[0]] == sites.SLIDE
+    slides = kind == mujoco.mjtSensor.mjSENS_JOINTPOS and model.jnt_type[sensor.objid[0]] == wiring.SLIDE
     if slides or kind == mujoco.mjtSensor.mjSENS_FRAMEPOS:
         return {"offset": PLACE * scales.length}
     return {"offset": ZERO.get(kind) or DRIFTS * typical.shown(scales)}
 
 
 def _turns(model, joint) -> bool:
-    return model.joint(joint).type[0] == sites.HINGE
+    return model.joint(joint).type[0] == wiring.HINGE
 
 
 def _mean_mass(scales, model) -> float:

@@ -6,18 +6,21 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.touching import can_touch, pairs_of, partners, round_geoms
+from fimpact.effects.wiring import (
+    HINGE,
+    ON_JOINT,
+    PROPORTIONAL,
+    SLIDE,
+    base,
+    drives,
+    encoded_joint,
+    fed_back,
+    is_affine,
+)
 
 ALL, WORLD = "all", "world"
 DRAGS = "<-"  # between a joint and the neighbour that drags it
-HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
-PROPORTIONAL = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
-AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
-OWN_AXES = tuple(
-    int(getattr(mujoco.mjtSensor, f"mjSENS_{kind}"))
-    for kind in ("ACCELEROMETER", "VELOCIMETER", "GYRO", "FORCE", "TORQUE", "MAGNETOMETER")
-)
 
 
 def joints(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
@@ -55,25 +58,19 @@ def standing(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     return [model.body(body).name for body in rising if model.body(body).name]
 
 
-def has_servos(model: mujoco.MjModel) -> bool:
-    """Whether motors hold positions: under them one kind of physics alone goes wrong at every joint, and the compound
-    of what every geared drive has comes first."""
-    return bool(model.actuator_biasprm[:, 1].any())
-
-
 def holding(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """Servos that hold a position."""
-    return [name for name in actuators(model) if _fed_back(model, name)[0]]
+    return [name for name in actuators(model) if fed_back(model, name)[0]]
 
 
 def braking(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """Servos with a gain on their speed."""
-    return [name for name in actuators(model) if _fed_back(model, name)[1]]
+    return [name for name in actuators(model) if fed_back(model, name)[1]]
 
 
 def proportioned(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """Actuators whose force has a scale beside the gain of a servo that has only one: motors, servos with two gains."""
-    return [name for name in actuators(model) if len(set(_fed_back(model, name))) == 1]
+    return [name for name in actuators(model) if len(set(fed_back(model, name))) == 1]
 
 
 def direct(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
@@ -105,13 +102,13 @@ def weighed(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
 
 def encoded(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
     """Driven joints whose position is measured."""
-    shown = {_encoder(model, channel) for channel in channels}
+    shown = {encoded_joint(model, channel) for channel in channels}
     return [name for name in driven(model) if name in shown]
 
 
 def actuators(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """Actuators whose force is an affine function of the command, length and velocity."""
-    return [model.actuator(i).name for i in range(model.nu) if model.actuator(i).name and _affine(model, i)]
+    return [model.actuator(i).name for i in range(model.nu) if model.actuator(i).name and is_affine(model, i)]
 
 
 def commands(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
@@ -189,11 +186,6 @@ def turnable(model: mujoco.MjModel, channels: Sequence[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if fits[name] and names.count(name) > 1]
 
 
-def carried(model: mujoco.MjModel, sensor: str) -> bool:
-    """Whether `sensor` reads along the axes of its MJCF site, and so turns with it; many read along the world's."""
-    return any(s.name == sensor and s.type[0] in OWN_AXES for s in map(model.sensor, range(model.nsensor)))
-
-
 def world(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     """The world as a whole, if anything in it moves."""
     return [WORLD] if model.nv else []
@@ -204,32 +196,9 @@ def heavy(model: mujoco.MjModel, channels: Sequence[str] = ()) -> list[str]:
     return [WORLD] if model.nv and np.any(model.opt.gravity) else []
 
 
-def base(channel: str) -> str:
-    """Name of the sensor that `channel` is, or is a component of."""
-    return channel.partition("[")[0]
-
-
-def component(channel: str) -> int:
-    """Which component of its sensor `channel` is."""
-    return int(channel.removesuffix("]").partition("[")[2] or 0)
-
-
 def measured_by(channels: Sequence[str], site: str) -> list[int]:
     """Columns of a channel, of every component of a sensor, or of "all"."""
     return [i for i, name in enumerate(channels) if site in (ALL, name, base(name))]
-
-
-def drives(model: mujoco.MjModel, joint: str) -> list[int]:
-    """Actuators of `actuators` on `joint`."""
-    target = (model.actuator_trntype == ON_JOINT) & (model.actuator_trnid[:, 0] == model.joint(joint).id)
-    return [i for i in map(int, np.flatnonzero(target)) if _affine(model, i)]
-
-
-def _fed_back(model, actuator: str) -> tuple[bool, bool]:
-    """Whether an actuator feeds back its position, and its speed."""
-    row = model.actuator(actuator).id
-    position, speed = model.actuator_biasprm[row, 1:3] * (model.actuator_biastype[row] == AFFINE[1]) != 0
-    return bool(position), bool(speed)
 
 
 def _flies(model, joint) -> bool:
@@ -250,13 +219,3 @@ def _before(model, joint: str, among: list[str]) -> str:
             return found[0]
         body = model.body_parentid[body]
     return ""
-
-
-def _affine(model, actuator: int) -> bool:
-    return model.actuator_gaintype[actuator] in PROPORTIONAL and model.actuator_biastype[actuator] in AFFINE
-
-
-def _encoder(model, channel: str) -> str:
-    sensor = model.sensor(base(channel))
-    known = sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS
-    return model.joint(sensor.objid[0]).name if known else ""

@@ -5,7 +5,7 @@ import numpy as np
 
 from fimpact.effects.base import SMALL as SMALL
 from fimpact.effects.base import Scales
-from fimpact.effects.sites import HINGE, SLIDE, drives
+from fimpact.effects.wiring import HINGE, SLIDE, drives
 
 FLOOR = 1e-3  # of a natural scale, where the recording shows none
 THIN = 0.05  # of the mechanism: no body counts as smaller

@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from fimpact.effects import sites
 from fimpact.effects.base import Placed, words
 from fimpact.effects.native import editable, exporting, write_inferred_fields
+from fimpact.effects.wiring import rotates_with_site
 from fimpact.export import runtime_template
 from fimpact.export.callback import SourceBundle, as_source_list
 from fimpact.export.mjcf import carry_assets, exact, restore_full_precision
@@ -176,7 +176,7 @@ def _holds(model: mujoco.MjModel, placed: Placed, asked: bool) -> bool:
     """Whether native fields do what the law does here; asked: whether another law asks what the motors are told."""
     if placed.effect.enters == "command":
         return not asked  # MuJoCo's own lag sits behind the commands that such a law would see
-    return placed.effect.enters != "measurement" or sites.carried(model, placed.site)
+    return placed.effect.enters != "measurement" or rotates_with_site(model, placed.site)
 
 
 def _without_field(recording: Recording, hypothesis: Hypothesis) -> list[Placed]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE
 from fimpact.effects.base import Effect, Placed, Scales
-from fimpact.effects.sites import has_servos
+from fimpact.effects.wiring import has_servos
 from fimpact.selection.one_round import Round, Trial, search
 from fimpact.selection.options import Option, options
 from fimpact.selection.pruning import pruned, simplified

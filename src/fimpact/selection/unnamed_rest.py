@@ -13,7 +13,7 @@ import numpy as np
 
 from fimpact.deciding import P_ALARM, REFINES, SHARE, UNLIKELY
 from fimpact.effects.base import Coefficient, Effect
-from fimpact.effects.sites import ON_JOINT
+from fimpact.effects.wiring import ON_JOINT
 from fimpact.selection.one_round import search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression

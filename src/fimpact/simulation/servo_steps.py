@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from fimpact.deciding import HELD
-from fimpact.effects.sites import ON_JOINT
+from fimpact.effects.wiring import ON_JOINT
 
 IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Effect, Placed, Scales
-from fimpact.effects.sites import ON_JOINT
+from fimpact.effects.wiring import ON_JOINT
 from fimpact.smoothing.dynamics.laws import middle
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States

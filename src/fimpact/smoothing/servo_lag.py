@@ -14,9 +14,11 @@ from fimpact.deciding import BELIEF, REFINES
 from fimpact.effects.base import Effect, Placed
 from fimpact.effects.families.actuation import EFFECTS as OF_MOTORS
 from fimpact.effects.families.servos import EFFECTS as OF_SERVOS
-from fimpact.effects.sites import ALL, has_servos
+from fimpact.effects.sites import ALL
 from fimpact.effects.typical import late as typical
+from fimpact.effects.wiring import has_servos
 from fimpact.simulation.simulator import Simulator
+from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
 
@@ -117,7 +119,7 @@ class _Misfit:
         track, begun = self.track, self.begun
         rows = self.rows[:: max(len(self.rows) // windows, 1)] if windows else self.rows
         still, doubt = np.zeros_like(begun.qvel), np.ones_like(begun.qvel)
-        plant = track.plant(placed, track.simulator.theta, begun, still, doubt)
+        plant = plant_of(track, placed, track.simulator.theta, begun, still, doubt)
         models, states, missed = plant.plain.models, begun[rows], []
         for ahead in range(self.ahead):
             now = rows + ahead

@@ -10,6 +10,7 @@ from fimpact.effects.touching import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.dynamics.laws import touching
+from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
 
@@ -84,7 +85,7 @@ def _error(track: Track, finer: Track, states: States, noise: np.ndarray, placed
     ends = []
     for own in (track, finer):
         still = np.zeros_like(states.qvel), np.ones_like(states.qvel)
-        plant = own.plant(placed, own.simulator.theta, states, *still)
+        plant = plant_of(own, placed, own.simulator.theta, states, *still)
         after = plant.step(states, plant.tau).after
         ends.append(plant.step(after, plant.tau).readings)
     next_rows = np.flatnonzero(~track.last)

@@ -23,7 +23,8 @@ from fimpact.diagnosis.freed_model import OF_JOINTS, freed
 from fimpact.diagnosis.held_out import prove
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.effects.sites import driven, drives
+from fimpact.effects.sites import driven
+from fimpact.effects.wiring import drives
 from fimpact.recordings import Recording
 from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.smoothing.prepare import Prepared, prepare

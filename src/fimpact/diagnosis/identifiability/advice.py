@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from fimpact.diagnosis.identifiability.motion_model import Motion
-from fimpact.effects.sites import driven, drives
+from fimpact.effects.sites import driven
+from fimpact.effects.wiring import drives
 
 SLOW = 4.0  # times slower is the slower of two speeds, and is the beginning of a sweep
 ROUND = 0.98  # how sharply a joint turns back: 1 is at once

@@ -14,7 +14,8 @@ import numpy as np
 from fimpact.effects.base import Placed
 from fimpact.effects.drives import motor_force
 from fimpact.effects.law_inputs import State
-from fimpact.effects.sites import driven, drives
+from fimpact.effects.sites import driven
+from fimpact.effects.wiring import drives
 from fimpact.recordings import FIELDS
 from fimpact.smoothing.dynamics.inverse import EDITED, Inverse
 from fimpact.smoothing.dynamics.laws import DRY, expected_sign

@@ -26,8 +26,9 @@ from fimpact.diagnosis.identifiability.judging import NEEDED, Judge
 from fimpact.diagnosis.identifiability.motion_model import Commands, Motion
 from fimpact.diagnosis.identifiability.quick_look import Sight, pace, reach
 from fimpact.effects import EFFECTS
-from fimpact.effects.sites import HINGE, SLIDE, driven, drives
+from fimpact.effects.sites import driven
 from fimpact.effects.touching import NO_CONTACT
+from fimpact.effects.wiring import HINGE, SLIDE, drives
 
 SAMPLES = 150  # of a motion
 ROOM = 0.8  # of the way to the end of a joint's range

@@ -13,8 +13,8 @@ from fimpact.diagnosis.identifiability.motion_model import Commands, EditedCopy,
 from fimpact.diagnosis.identifiability.suspects import Suspect, columns, other_sizes, suspects
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Effect, Scales
-from fimpact.effects.sites import HINGE, SLIDE
 from fimpact.effects.touching import NO_CONTACT, can_touch
+from fimpact.effects.wiring import HINGE, SLIDE
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.state_guess import Shown, noise_level, shown_by, smooth

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from scipy.signal import lfilter
 
-from fimpact.effects import priors, sites, typical
+from fimpact.effects import priors, sites, typical, wiring
 from fimpact.effects.base import MOTOR, Coefficient, Effect
 from fimpact.effects.law_inputs import Signal
 from fimpact.effects.native import exporting
@@ -67,7 +67,7 @@ def rotor_inertia(model, site, inertia):
 def torque_offset(model, site, offset):
     """The constant part of an affine actuator."""
     row = model.actuator(site).id
-    model.actuator_biastype[row] = sites.AFFINE[1]
+    model.actuator_biastype[row] = wiring.AFFINE[1]
     model.actuator_biasprm[row, 0] += offset
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fimpact.effects import priors, sites, typical
+from fimpact.effects import priors, sites, typical, wiring
 from fimpact.effects.base import FRICTION, Coefficient, Effect
 from fimpact.effects.drives import motor_force
 from fimpact.effects.law_inputs import State
@@ -37,8 +37,8 @@ def direction_dependent(model, site, forward, backward):
     MuJoCo's field for that force is the motor's bias: a force range clips it, and sensors of the motor's force read it.
     """
     frictionloss(model, site, (forward + backward) / 2)
-    motor = sites.drives(model, site)[0]
-    model.actuator_biastype[motor] = sites.AFFINE[1]
+    motor = wiring.drives(model, site)[0]
+    model.actuator_biastype[motor] = wiring.AFFINE[1]
     model.actuator_biasprm[motor, 0] -= (forward - backward) / 2 / model.actuator_gear[motor, 0]
 
 

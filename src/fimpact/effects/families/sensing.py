@@ -7,7 +7,8 @@ from fimpact.effects import priors, sites, typical
 from fimpact.effects.base import SENSING, Coefficient, Effect
 from fimpact.effects.families.structure import quaternion
 from fimpact.effects.law_inputs import Signal
-from fimpact.effects.sites import ALL, component, measured_by
+from fimpact.effects.sites import ALL, measured_by
+from fimpact.effects.wiring import component
 
 LATE = "buses and filters hold back by a few samples, at most some 50 ms"
 CHANNEL = "of the channel"  # in place of a unit: that of what the sensor measures
@@ -96,7 +97,7 @@ def interpolate(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 
 def _export_misalignment(spec, site, turn_x, turn_y, turn_z):
-    """A turned copy of the sensor's MJCF site, because other sensors may share the site; only for `sites.carried`."""
+    """A turned copy of the MJCF site, because other sensors may share it; only where the sensor `rotates_with_site`."""
     sensor = spec.sensor(site)
     old, name = spec.site(sensor.objname), f"{sensor.objname}_{site}_turned"
     model = spec.compile()

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from fimpact.effects import priors, sites, typical
+from fimpact.effects import priors, sites, typical, wiring
 from fimpact.effects.base import STRUCTURE, Coefficient, Effect
 from fimpact.effects.law_inputs import State
 from fimpact.effects.native import exporting
@@ -99,7 +99,7 @@ def _spring_probes(scales, model, site):
 
 def _rests(scales, model, site):
     """No hinge is further from any angle than half a turn, and no slide from any place than the mechanism is long."""
-    half = np.pi if model.joint(site).type[0] == sites.HINGE else scales.length
+    half = np.pi if model.joint(site).type[0] == wiring.HINGE else scales.length
     middle = typical.mean_position(scales, model, site)
     far = max(half, max(RESTS) * typical.travel(scales, model, site))
     return {"rest": (middle - far, middle + far)}

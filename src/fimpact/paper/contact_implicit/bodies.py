@@ -1,6 +1,7 @@
-"""Rigid-body terms of the planar systems as CasADi expressions; `tests/test_contact_implicit.py` holds them to MuJoCo.
+"""Rigid-body terms of the planar systems as CasADi expressions.
 
 Only numbers that the parameters do not touch (damping, gravity, radii) are read off the compiled MJCF.
+`tests/paper/test_contact_implicit.py` holds them to MuJoCo.
 """
 
 from collections.abc import Callable

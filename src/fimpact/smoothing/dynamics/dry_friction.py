@@ -11,6 +11,7 @@ import numpy as np
 
 from fimpact.effects.base import Placed
 from fimpact.smoothing.dynamics.laws import bounds_of, expected_sign, middle, slope_of_sign, speed_doubt
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
 
 STEEP = 4.0  # times the slope that stops a joint within a sample: no tangent is steeper
@@ -27,7 +28,7 @@ class Rubbing:
 
 
 def rubbing(
-    track,
+    track: Track,
     model: mujoco.MjModel,
     dry: np.ndarray,
     laws: Sequence[Placed],

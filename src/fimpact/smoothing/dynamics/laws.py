@@ -6,7 +6,6 @@ is known to some standard deviation only.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import mujoco
@@ -17,12 +16,10 @@ from fimpact.effects.base import Placed
 from fimpact.effects.drives import ahead_of, is_servo, motor_force
 from fimpact.effects.gears import Shaft, encoders
 from fimpact.effects.law_inputs import State
-from fimpact.effects.sites import ON_JOINT
-from fimpact.smoothing.states import States
-
-if TYPE_CHECKING:
-    from fimpact.smoothing.dynamics.track import Track
+from fimpact.effects.wiring import ON_JOINT
 from fimpact.smoothing.dynamics.side_by_side import groups_of, longest_piece, shafts_abreast, values_of
+from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.states import States
 
 DRY = ("dof_frictionloss", "dof_solref", "dof_solimp")  # fields of dry friction
 _LATEST: WeakKeyDictionary = WeakKeyDictionary()  # of each track: states, and what gears did along them
@@ -39,14 +36,14 @@ def slope_of_sign(speed: np.ndarray, doubt: np.ndarray) -> np.ndarray:
     return np.sqrt(2 / np.pi) / doubt * np.exp(-((speed / doubt) ** 2) / 2)
 
 
-def bounds_of(track: "Track", placed: Placed, states: States, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bounds_of(track: Track, placed: Placed, states: States, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Dry friction of a law, (N,), while its joint moves forward and backward."""
     seen = _state(track, states, predicted_commands(track, track.ctrl, tau)[:, 0], {})
     forward, backward = placed.effect.law(seen, placed.site, **placed.values)
     return np.broadcast_to(forward, track.count), np.broadcast_to(backward, track.count)
 
 
-def force_of(track: "Track", placed: Placed, states: States, tau: np.ndarray, doubt: np.ndarray) -> np.ndarray:
+def force_of(track: Track, placed: Placed, states: States, tau: np.ndarray, doubt: np.ndarray) -> np.ndarray:
     """Generalised force, (N, nv), that `placed` adds along `states`; zero where it is no such law.
 
     Args:
@@ -58,7 +55,7 @@ def force_of(track: "Track", placed: Placed, states: States, tau: np.ndarray, do
 
 
 def reading_of(
-    track: "Track", placed: Placed, states: States, readings: np.ndarray, surprise: np.ndarray | float = 0.0
+    track: Track, placed: Placed, states: States, readings: np.ndarray, surprise: np.ndarray | float = 0.0
 ) -> np.ndarray:
     """Readings, (N, ny), as `placed` changes them.
 
@@ -77,7 +74,7 @@ def reading_of(
 
 
 def acts_of(
-    track: "Track", laws: Sequence[Placed], states: States, tau: np.ndarray, doubt: np.ndarray
+    track: Track, laws: Sequence[Placed], states: States, tau: np.ndarray, doubt: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """What each of `laws` alone adds along `states`: force, (N, nv), and change of the readings, (N, ny).
 
@@ -102,13 +99,13 @@ def acts_of(
     return [found[i] for i in range(len(laws))]
 
 
-def middle(track: "Track", states: States) -> tuple[np.ndarray, np.ndarray]:
+def middle(track: Track, states: States) -> tuple[np.ndarray, np.ndarray]:
     """qpos (N, nq) and qvel (N, nv) half a sample later: a force is held over the sample."""
     after = track.next(states)
     return states.qpos + (after.qpos - states.qpos) / 2, (states.qvel + after.qvel) / 2
 
 
-def predicted_commands(track: "Track", ctrl: np.ndarray, tau: np.ndarray) -> np.ndarray:
+def predicted_commands(track: Track, ctrl: np.ndarray, tau: np.ndarray) -> np.ndarray:
     """Commands, (N, 1 or substeps, nu), under which motors on joints give what the model needs for the motion.
 
     The applied torque is an output: what depends on the load must not be told what friction already took of it.
@@ -123,7 +120,7 @@ def predicted_commands(track: "Track", ctrl: np.ndarray, tau: np.ndarray) -> np.
     return told
 
 
-def _state(track: "Track", states: States, ctrl: np.ndarray, memory: dict) -> State:
+def _state(track: Track, states: States, ctrl: np.ndarray, memory: dict) -> State:
     qpos, qvel = middle(track, states)
     after = track.next(states)
     rate = (after.qvel - states.qvel) / track.period
@@ -133,7 +130,7 @@ def _state(track: "Track", states: States, ctrl: np.ndarray, memory: dict) -> St
     return seen
 
 
-def _forces(track: "Track", laws: Sequence[Placed], states: States, tau: np.ndarray, doubt) -> list[np.ndarray]:
+def _forces(track: Track, laws: Sequence[Placed], states: States, tau: np.ndarray, doubt) -> list[np.ndarray]:
     """Force, (N, nv), of each law that is no gear."""
     found = [np.zeros_like(states.qvel) for _ in laws]
     if not any(law.effect.enters in ("force", "friction") for law in laws):
@@ -153,7 +150,7 @@ def _forces(track: "Track", laws: Sequence[Placed], states: States, tau: np.ndar
     return found
 
 
-def _carried(track: "Track", laws: Sequence[Placed], seen: State) -> list[np.ndarray]:
+def _carried(track: Track, laws: Sequence[Placed], seen: State) -> list[np.ndarray]:
     """Force, (N, nv), of each of `laws`, one effect at one site, as they remember each run from its start."""
     (law, *_), rows, values = laws, track.pieces[0], values_of(track, laws)
     out = np.zeros((len(laws) * len(rows), rows.shape[1], track.model.nv))
@@ -165,7 +162,7 @@ def _carried(track: "Track", laws: Sequence[Placed], seen: State) -> list[np.nda
     return [track.gathered(own) for own in np.split(out, len(laws))]
 
 
-def _friction(track: "Track", placed: Placed, seen: State, states: States, doubt: np.ndarray) -> np.ndarray:
+def _friction(track: Track, placed: Placed, seen: State, states: States, doubt: np.ndarray) -> np.ndarray:
     forward, backward = placed.effect.law(seen, placed.site, **placed.values)
     dof = int(track.model.joint(placed.site).dofadr[0])
     sign = expected_sign(seen.qvel[:, dof], speed_doubt(track, states, doubt)[:, dof])
@@ -174,13 +171,13 @@ def _friction(track: "Track", placed: Placed, seen: State, states: States, doubt
     return out
 
 
-def speed_doubt(track: "Track", states: States, doubt: np.ndarray) -> np.ndarray:
+def speed_doubt(track: Track, states: States, doubt: np.ndarray) -> np.ndarray:
     """sd of the speeds over a sample, (N, nv): what is not known of them, and what they change within it."""
     change = track.next(states).qvel - states.qvel
     return np.sqrt(doubt**2 + change**2 / 12)
 
 
-def _gear(track: "Track", placed: Placed, states: States) -> tuple[np.ndarray, np.ndarray]:
+def _gear(track: Track, placed: Placed, states: States) -> tuple[np.ndarray, np.ndarray]:
     """Force, (N, nv), and change of the readings, (N, ny), of one gear: plants ask for both again and again."""
     around, found = _LATEST.get(track, (None, {}))
     if around is not states:
@@ -192,7 +189,7 @@ def _gear(track: "Track", placed: Placed, states: States) -> tuple[np.ndarray, n
     return found[own][1]
 
 
-def _gears(track: "Track", laws: Sequence[Placed], states: States) -> list[tuple[np.ndarray, np.ndarray]]:
+def _gears(track: Track, laws: Sequence[Placed], states: States) -> list[tuple[np.ndarray, np.ndarray]]:
     """Force, (N, nv), and change of the readings, (N, ny), of each of `laws`, gears that give, carried along each run.
 
     What drives them does not depend on what they remember: it is found for all samples at once.
@@ -218,7 +215,7 @@ def _gears(track: "Track", laws: Sequence[Placed], states: States) -> list[tuple
     return [found[i] for i in range(len(laws))]
 
 
-def _turned(track: "Track", laws: Sequence[Placed], shafts: Sequence[Shaft]) -> list[np.ndarray]:
+def _turned(track: Track, laws: Sequence[Placed], shafts: Sequence[Shaft]) -> list[np.ndarray]:
     """Pull, inertia, lead and its rate, (4, N), of each of `laws`, of one effect, on its own of the shafts."""
     rows, values = track.pieces[0], values_of(track, laws)
     out = np.zeros((4, len(laws) * len(rows), rows.shape[1]))
@@ -229,7 +226,7 @@ def _turned(track: "Track", laws: Sequence[Placed], shafts: Sequence[Shaft]) -> 
     return [np.stack([track.gathered(own) for own in part]) for part in parts]
 
 
-def touching(track: "Track", states: States) -> np.ndarray:
+def touching(track: Track, states: States) -> np.ndarray:
     """Whether anything touches, (N,), at the start of each sample or at its end."""
     data, model = mujoco.MjData(track.model), track.model
     now = np.zeros(track.count, bool)

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fimpact.effects.base import Placed
+from fimpact.smoothing.dynamics.plant import Plant, plant_of
 from fimpact.smoothing.dynamics.response import Change, Response, Slopes
-from fimpact.smoothing.dynamics.track import Plant, Step, Track
+from fimpact.smoothing.dynamics.track import Step, Track
 from fimpact.smoothing.parameters import Parameter, placed_of, theta_of
 from fimpact.smoothing.states import States
 
@@ -63,7 +64,7 @@ def linearise(
     """
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
-    plant = track.plant(placed, theta, states, tau, doubt, sign, surprise)
+    plant = plant_of(track, placed, theta, states, tau, doubt, sign, surprise)
     kept = like if like is not None and like.slopes.hold(plant.model) else None
     response = Response(plant, states, tau, None if kept is None else kept.response.inverse)
     slopes = response.slopes(spread) if kept is None else kept.slopes
@@ -94,7 +95,7 @@ def _moved(response: Response, numbers, placed, index: int, doubt, sign) -> Chan
     value = number.value * np.exp(number.nudge) if number.log else number.value + number.nudge
     changed = [replace(n, value=value) if i == index else n for i, n in enumerate(numbers)]
     own = response.states, response.tau, doubt, sign, response.plant.surprise
-    plant = response.track.plant(placed_of(changed, placed), theta_of(changed), *own)
+    plant = plant_of(response.track, placed_of(changed, placed), theta_of(changed), *own)
     return response(plant, roughly=True).scaled(1 / number.nudge)
 
 

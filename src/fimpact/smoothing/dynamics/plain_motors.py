@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from fimpact.effects.sites import ON_JOINT
+from fimpact.effects.wiring import ON_JOINT
 from fimpact.smoothing.states import BALL, FREE
 
 

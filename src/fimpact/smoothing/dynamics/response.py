@@ -6,13 +6,14 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fimpact.effects.sites import ON_JOINT
 from fimpact.effects.touching import can_touch
+from fimpact.effects.wiring import ON_JOINT
 from fimpact.simulation.servo_steps import is_long
 from fimpact.smoothing.dynamics.inverse import EDITED, RESTING, Inverse, edits
 from fimpact.smoothing.dynamics.laws import reading_of
+from fimpact.smoothing.dynamics.plant import Plant
 from fimpact.smoothing.dynamics.sampled_commands import Commands
-from fimpact.smoothing.dynamics.track import Plant, Step
+from fimpact.smoothing.dynamics.track import Step
 from fimpact.smoothing.states import States
 
 NUDGE = 1e-6  # rad, m and their rates: step of a difference quotient of the state

@@ -1,21 +1,18 @@
 """Laws that remember, passed along all runs side by side: which may, and on what."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fimpact.effects.base import Placed
 from fimpact.effects.drives import Ahead
 from fimpact.effects.gears import Shaft
-
-if TYPE_CHECKING:
-    from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.dynamics.track import Track
 
 ABREAST = 2048  # rows that pass side by side at most: beyond, steps take as long as there are rows
 
 
-def groups_of(track: "Track", laws: Sequence[Placed], kinds: Mapping[int, object]) -> list[list[int]]:
+def groups_of(track: Track, laws: Sequence[Placed], kinds: Mapping[int, object]) -> list[list[int]]:
     """Laws that may pass side by side: of one effect and one of `kinds`, by index, and neutral in the same values."""
     groups: dict[object, list[int]] = {}
     for i, kind in kinds.items():
@@ -27,7 +24,7 @@ def groups_of(track: "Track", laws: Sequence[Placed], kinds: Mapping[int, object
     return [group[a : a + most] for group in groups.values() for a in range(0, len(group), most)]
 
 
-def values_of(track: "Track", laws: Sequence[Placed]) -> Mapping[str, np.ndarray | float]:
+def values_of(track: Track, laws: Sequence[Placed]) -> Mapping[str, np.ndarray | float]:
     """Values of laws of one effect, as of one or for each row of their pieces, (n,)."""
     if len(laws) == 1:
         return laws[0].values
@@ -35,7 +32,7 @@ def values_of(track: "Track", laws: Sequence[Placed]) -> Mapping[str, np.ndarray
     return {name: np.repeat([law.values[name] for law in laws], count) for name in laws[0].values}
 
 
-def longest_piece(track: "Track") -> int:
+def longest_piece(track: Track) -> int:
     """Steps of the pieces up to the last that counts."""
     return int(np.flatnonzero(track.pieces[1].any(0))[-1]) + 1
 

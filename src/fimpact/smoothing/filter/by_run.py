@@ -3,17 +3,14 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fimpact.simulation.simulator import threads
+from fimpact.smoothing.dynamics.linear import Linear
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.filter import kalman
-
-if TYPE_CHECKING:
-    from fimpact.smoothing.dynamics.linear import Linear
-    from fimpact.smoothing.dynamics.track import Track
-    from fimpact.smoothing.noise_levels import Levels
+from fimpact.smoothing.noise_levels import Levels
 
 
 @dataclass(frozen=True)
@@ -24,13 +21,13 @@ class Filtered:
     sd: np.ndarray
     before: np.ndarray
 
-    def adjoint(self, track: "Track", linear: "Linear", innovations: np.ndarray) -> list[np.ndarray]:
+    def adjoint(self, track: Track, linear: Linear, innovations: np.ndarray) -> list[np.ndarray]:
         """`kalman.adjoint` of innovations (N, ny, c)."""
         parts = linear.advance, linear.reads, self.gains, self.sd, innovations
         return _over_runs(track, lambda rows, i: kalman.adjoint(*(part[rows] for part in parts)))
 
 
-def filtered(track: "Track", linear: "Linear", levels: "Levels") -> Filtered:
+def filtered(track: Track, linear: Linear, levels: Levels) -> Filtered:
     """Filter the covariance of every run at the given noise levels."""
     noise = np.where(np.isfinite(track.measured), levels.reading * levels.louder, np.inf)
     parts = linear.advance, linear.reads, noise, levels.forces
@@ -42,7 +39,7 @@ def filtered(track: "Track", linear: "Linear", levels: "Levels") -> Filtered:
     )
 
 
-def swept(track: "Track", linear: "Linear", own: Filtered, pulls: np.ndarray) -> list[np.ndarray]:
+def swept(track: Track, linear: Linear, own: Filtered, pulls: np.ndarray) -> list[np.ndarray]:
     """Innovations (N, ny, c) in sd and means (N, m, c) of columns, the first ones those of `linear`.
 
     Args:
@@ -59,13 +56,13 @@ def swept(track: "Track", linear: "Linear", own: Filtered, pulls: np.ndarray) ->
     return _over_runs(track, work)
 
 
-def variances(track: "Track", linear: "Linear", own: Filtered) -> list[np.ndarray]:
+def variances(track: Track, linear: Linear, own: Filtered) -> list[np.ndarray]:
     """`kalman.adjoint_variances` of every run."""
     parts = linear.advance, linear.reads, own.gains, own.sd
     return _over_runs(track, lambda rows, i: kalman.adjoint_variances(*(part[rows] for part in parts)))
 
 
-def _over_runs(track: "Track", work: Callable) -> list[np.ndarray]:
+def _over_runs(track: Track, work: Callable) -> list[np.ndarray]:
     with ThreadPoolExecutor(threads()) as pool:
         found = list(pool.map(lambda pair: work(pair[1], pair[0]), enumerate(track.slices())))
     return [np.concatenate(parts) for parts in zip(*found, strict=True)]

@@ -5,8 +5,8 @@ import shutil
 
 import pytest
 import yaml
+from case_files import write_csv
 from recorded import ROD, record, waves
-from test_cases import write_csv
 from test_diagnose_recording import CASE
 
 from fimpact.cases import inputs

@@ -2,16 +2,15 @@
 
 import json
 import re
-from pathlib import Path
 
 import pytest
+from conftest import ROOT
 
 from fimpact.cli import main
 from fimpact.effects import EFFECTS
 from fimpact.effects.plugins import load_effects
 from fimpact.export.callback import SourceBundle
 
-ROOT = Path(__file__).parents[1]
 START = (ROOT / "docs" / "index.md").read_text()
 
 

@@ -9,6 +9,7 @@ from test_long_samples import PERIOD, followed
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
+from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.sampled_commands import Commands, sharp
 from fimpact.smoothing.prepare import prepare
 
@@ -62,7 +63,7 @@ def test_a_small_delay_does_to_a_servo_that_saturates_what_a_larger_one_does():
 
     def after(delay: float) -> np.ndarray:
         law = replace(delayed(delay)[0], site="servo")
-        plant = own.track.plant([law], own.track.simulator.theta, own.begun, still, np.ones_like(still))
+        plant = plant_of(own.track, [law], own.track.simulator.theta, own.begun, still, np.ones_like(still))
         return plant.plain.step(own.begun, still).after.qpos[:-1]
 
     small, large = ((after(3 * PERIOD + more) - after(3 * PERIOD)) / more for more in (5e-6, 1e-3))

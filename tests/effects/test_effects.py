@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fimpact.effects import EFFECTS, get_effect, sites
+from fimpact.effects import EFFECTS, get_effect, sites, wiring
 from fimpact.effects.base import ENTERS, ENVIRONMENT, Coefficient, Effect, Scales
 from fimpact.effects.classes import classes
 from fimpact.effects.drives import motor_force
@@ -132,7 +132,7 @@ def play(rig, model, ctrl, push=None, limit=None, gear=None):
     data, memory, states, measured = mujoco.MjData(model), {}, [], []
     mujoco.mj_resetData(model, data)
     data.qpos[:], data.qvel[:] = rig.qpos, rig.qvel
-    places = [model.sensor(sites.base(c)).adr[0] + sites.component(c) for c in rig.channels]
+    places = [model.sensor(wiring.base(c)).adr[0] + wiring.component(c) for c in rig.channels]
     before, step = data.qvel.copy(), model.opt.timestep
     for k, command in enumerate(ctrl[0]):
         data.ctrl[:] = command
@@ -689,7 +689,8 @@ def test_sites_follow_the_model():
     assert sites.encoded(arm, ("q2", "imu[0]")) == ["elbow"]
     assert sites.turnable(arm, ARM_CHANNELS) == ["imu"] and sites.turnable(ball, BALL_CHANNELS) == []
     assert sites.sensors(arm, ARM_CHANNELS) == ["q1", "q2", "imu", "all"]
-    assert sites.carried(arm, "imu") and not sites.carried(arm, "q2") and not sites.carried(ball, "place")
+    rotates = [wiring.rotates_with_site(*at) for at in ((arm, "imu"), (arm, "q2"), (ball, "place"))]
+    assert rotates == [True, False, False]
     free = '<mujoco><option gravity="0 0 0"/><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>'
     bare = mujoco.MjModel.from_xml_string(free)
     found = {name for name, effect in EFFECTS.items() if effect.sites(bare, ())}

@@ -4,8 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from recorded import ROD, arm, record, rod, waves
-from test_prepare import BALL
+from recorded import BALL, ROD, arm, record, rod, waves
 
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording

@@ -7,6 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from replayed import replayed
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
@@ -46,13 +47,6 @@ def predict(given: Recording, *placed: Placed, refine: int = 1, length: int = 20
     found = simulator.predict(hypothesis, windows, qpos, qvel, act)
     windows = replace(windows, measured=found + NOISE * rng.standard_normal(found.shape))
     return hypothesis, Predicted(windows, qpos, qvel, act, found)
-
-
-def replayed(given: Recording, hypothesis: Hypothesis, predicted: Predicted, folder) -> np.ndarray:
-    """The same windows by the files that are written, without a choice of numerics."""
-    write_files(given, hypothesis, folder, "found", None, 0)
-    lagging = any(p.effect.enters == "command" for p in hypothesis.placed)
-    return Replay(given, folder, lagging).predict(*predicted[:4])
 
 
 def test_native_fields_alone_reproduce_the_improved_simulation(tmp_path):

@@ -23,6 +23,7 @@ from fimpact.selection.substitutes import Alternative
 from fimpact.simulation.state_guess import believed_noise, noise_level
 from fimpact.smoothing.candidates import candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
+from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.response import Response
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.servo_lag import lateness
@@ -95,7 +96,7 @@ def made() -> tuple[Prepared, Smoothed]:
 def test_the_models_own_friction_stops_a_joint_at_once_within_a_long_sample():
     own, fit = made()
     still = np.zeros_like(fit.states.qvel)
-    plant = own.track.plant((), fit.theta, fit.states, still, np.ones_like(still))
+    plant = plant_of(own.track, (), fit.theta, fit.states, still, np.ones_like(still))
     assert own.track.long and not plant.dry.any()
     ours = plant.step(fit.states, still).after.qpos
     soft, sharp = (truth(fit, own.track.ctrl[:, 0], tight) for tight in (False, True))
@@ -194,7 +195,7 @@ def test_what_a_force_does_to_a_joint_that_sticks_is_judged_over_as_much_as_may_
     target, weight = own.track.ctrl[:, 0], 0.3 * 9.81 * 0.1
     rest = replace(fit.states, qpos=target + weight * np.cos(target) / 300, qvel=np.zeros_like(fit.states.qvel))
     still = np.zeros_like(rest.qvel)
-    plant = own.track.plant((), fit.theta, rest, still, np.ones_like(still))
+    plant = plant_of(own.track, (), fit.theta, rest, still, np.ones_like(still))
     plant = replace(plant, ctrl=replace(plant.ctrl, values=own.track.ctrl))
     tangent, wide = (Response(plant, rest, still).slopes(spread).advance[:-1, 0, 2] for spread in (None, np.ones(1)))
     assert np.median(np.abs(tangent)) < 0.1 * np.median(np.abs(wide))

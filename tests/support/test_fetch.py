@@ -1,37 +1,23 @@
 """A published file is put in its place whole and unaltered, or not at all."""
 
 import hashlib
-import threading
 from collections.abc import Iterator
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 import yaml
-from test_workflow import ROOT
+from conftest import ROOT
+from web_server import CONTENT, serving
 
 from fimpact.support.fetch import Source, fetch, find_source, read_sources
 
-CONTENT = bytes(range(256)) * 300
 SHA = hashlib.sha256(CONTENT).hexdigest()
-
-
-class Handler(SimpleHTTPRequestHandler):
-    """Serves a folder without a word."""
-
-    def log_message(self, *_):
-        pass
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory) -> Iterator[str]:
     """Address of a local server that has one file, log.bin."""
-    folder = tmp_path_factory.mktemp("served")
-    (folder / "log.bin").write_bytes(CONTENT)
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=str(folder))) as served:
-        threading.Thread(target=served.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{served.server_port}"
-        served.shutdown()
+    with serving(tmp_path_factory.mktemp("served")) as address:
+        yield address
 
 
 def test_the_right_file_is_put_in_its_place(server, tmp_path):

@@ -27,6 +27,7 @@ from case_files import (
     write_case_of,
     write_csv,
 )
+from conftest import RECORDINGS, ROOT
 from mcap_ros2.writer import Writer
 from pyarrow import parquet
 
@@ -38,8 +39,6 @@ from fimpact.cases.units import factor
 from fimpact.cli import main
 from fimpact.simulation.state_guess import noise_level
 
-ROOT = Path(__file__).parents[1]
-RECORDINGS = ROOT.parent / "shared" / "recordings"
 RIGS = sorted(path.stem for path in (ROOT / "config" / "recordings").glob("*.yaml") if path.stem != "sources")
 
 

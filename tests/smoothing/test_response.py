@@ -14,6 +14,7 @@ from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Unknown
 from fimpact.smoothing.dynamics import response as module
+from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.response import NUDGE, Change, Response, Slopes
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
@@ -27,13 +28,13 @@ def response() -> Response:
     found = smooth(made.track, made.begun, made.noise)
     assert not found.linear.response.long
     theta, tau = found.theta, found.tau
-    return Response(made.track.plant((), theta, found.states, tau, found.doubt), found.states, tau)
+    return Response(plant_of(made.track, (), theta, found.states, tau, found.doubt), found.states, tau)
 
 
 def plant(laws=(), factor=(1.0, 1.0)):
     own = response()
     theta = np.array([0.5, 0.3]) * factor
-    return own.track.plant(laws, theta, own.states, own.tau, np.full_like(own.tau, 1e-3))
+    return plant_of(own.track, laws, theta, own.states, own.tau, np.full_like(own.tau, 1e-3))
 
 
 def changed(**kinds) -> tuple[Change, Change]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from recorded import rod
 from scipy import stats
-from test_search import COUNT, alone, regression, white
+from test_forward import COUNT, alone, regression, white
 
 from fimpact.effects import EFFECTS
 from fimpact.selection.forward import Search

@@ -6,20 +6,17 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
-from recorded import ROD, record, waves
+from recorded import BALL, ROD, record, waves
 
 import fimpact.smoothing.time_step as refinement
 from fimpact.effects.sites import contacts
 from fimpact.effects.touching import can_touch
 from fimpact.simulation.simulator import Simulator
+from fimpact.smoothing.dynamics.plant import Plant, plant_of
 from fimpact.smoothing.dynamics.response import Response
-from fimpact.smoothing.dynamics.track import Plant, Track
+from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
 from fimpact.smoothing.time_step import COARSER, FINER, FINEST
-
-BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
-<body name="ball" pos="0 0 0.3"><freejoint name="free"/><geom name="ball" size="0.05" mass="0.3"/></body></worldbody>
-<sensor><framepos name="place" objtype="xbody" objname="ball"/></sensor></mujoco>"""
 
 
 @cache
@@ -37,7 +34,7 @@ def driven(refine: int = 1) -> Prepared:
 
 def plant(made: Prepared) -> tuple[Plant, np.ndarray]:
     still = np.zeros_like(made.begun.qvel)
-    return made.track.plant((), made.track.simulator.theta, made.begun, still, still + 1e-3), still
+    return plant_of(made.track, (), made.track.simulator.theta, made.begun, still, still + 1e-3), still
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from case_files import write_csv
+from conftest import RECORDINGS, ROOT
 from diagnosed import diagnosis_of
 from recorded import ROD, rod
-from test_cases import RECORDINGS, ROOT, write_csv
 
 from fimpact.api.commands.diagnose_recording import diagnose_recording
 from fimpact.cases import read_case

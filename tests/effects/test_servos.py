@@ -5,7 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from test_export import replayed
+from replayed import replayed
 
 from fimpact.effects import EFFECTS, sites
 from fimpact.effects.base import Placed
