@@ -10,13 +10,15 @@ from scipy import stats
 from test_forward import COUNT, alone, regression, white
 
 from fimpact.effects import EFFECTS
+from fimpact.selection import rivals
 from fimpact.selection.forward import Search
-from fimpact.selection.options import options
+from fimpact.selection.one_round import worth
+from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.rivals import exchanged
-from fimpact.selection.substitutes import exchanges
+from fimpact.selection.substitutes import Exchange, exchanges
 from fimpact.smoothing.candidates import at
-from fimpact.smoothing.columns import columns
+from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.parameters import Parameter
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
@@ -101,3 +103,42 @@ def test_what_adds_to_what_is_in_takes_its_place_nowhere():
     both = Regression(smoothed, replace(made.columns, candidates=tried, owners=((0, 0),)))
     assert not [e for e in exchanges(both, [other]) if e.option is other]
     assert [e for e in exchanges(both, [other], beside=[]) if e.option is other]
+
+
+def test_one_effect_takes_the_place_of_two_that_do_its_work_together():
+    halves = white(2)
+    made = regression({0: 0.3, 1: 0.3}, np.column_stack([halves, halves.sum(1)]))
+    laws = [Parameter("damping", f"viscous@k{i}", "", i, 0.3, 0.0, 1.0, -np.inf, np.inf, False, 1.0) for i in (0, 1)]
+    made.columns.innovations[..., 0] -= 0.3 * made.columns.innovations[..., 3]  # what is in is taken away already
+    placed = (SimpleNamespace(effect=EFFECTS["viscous"]),) * 2
+    smoothed = SimpleNamespace(**{**vars(made.smoothed), "numbers": tuple(laws), "placed": placed})
+    both = Regression(smoothed, replace(made.columns, candidates=made.columns.candidates[2:], owners=((0, 0),)))
+    whole = Option("viscous@j2", 1, (0,))
+    assert not [e for e in exchanges(both, [whole], beside=[]) if e.option is whole and e.sure]
+    found = [e for e in exchanges(both, [whole], beside=[], leaving=[(0, 1)]) if e.option is whole]
+    assert [(e.places, e.sure) for e in found] == [((0, 1), True)] and found[0].weight > 1
+
+
+def test_what_is_far_likelier_but_not_surely_better_joins_the_set(monkeypatch):
+    state, asked, offered = begun_with(0.15, "coulomb", "pivot")
+    other = next(i for i, option in enumerate(offered) if option.name == "spring@pivot")
+    estimate = asked.solve([0, asked.p + asked.columns.of(offered[other].members[0])[0]])
+    likelier = Exchange((0,), offered[other], estimate, 100.0, False, 0.0)
+    monkeypatch.setattr(rivals, "exchanges", lambda *_: [likelier])
+    monkeypatch.setattr(state, "refitted", lambda *_: state.current)
+    assert not exchanged(state, asked, offered)
+    assert [(a.placed, a.weight) for a in state.alternatives] == [(state.current.placed, 1.0)]
+
+
+def test_a_gear_that_shows_in_its_encoder_alone_is_worth_the_force_that_it_saves():
+    """An effect on a reading and, next to nothing, on the next sample: pruned once, though the likeliest of all."""
+    made = prepare(rod(0.15))
+    naive = smooth(made.track, made.begun, made.noise)
+    own = at(EFFECTS["coulomb"], "pivot", made.track.model, motion_scales(naive))[0]
+    fit = smooth(made.track, made.begun, made.noise, [own.placed([0.15])], [own.priors], naive)
+    whole = Regression(fit, columns(fit, []))
+    missing, column = (naive.tau**2).sum(0), len(fit.numbers) - 1
+    force = worth(whole, column, 1.0, missing).share
+    weak = replace(fit, linear=replace(fit.linear, offsets=1e-6 * fit.linear.offsets))
+    shown = Regression(weak, whole.columns)
+    assert worth(shown, column, 1.0, missing).share > 1e-2 * force

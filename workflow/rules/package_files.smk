@@ -60,7 +60,7 @@ FINDING += of(
     "diagnosis/identifiability",
     "advice blind_spots judging motion_model proposed_motions quick_look sentences suspects",
 )
-FINDING += of("diagnosis", "notes pipeline remainder") + of("diagnosis/wording", "certainty verdict")
+FINDING += of("diagnosis", "blind_record notes pipeline remainder") + of("diagnosis/wording", "certainty verdict")
 DESIGNING = of("diagnosis/experiments", "design_space next_experiment predicted_separation separating")
 APART = ("diagnosis", "selection", "effects/classes")
 FORCED = [name for name in FINDING if not name.startswith(APART)]
