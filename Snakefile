@@ -1,6 +1,7 @@
 # The paper "Exciting Contact Modes in Differentiable Simulations for Robot Learning", from configuration to figures,
 # and the blind benchmark of what the package says when the model is wrong.
-#   snakemake                                        everything, at the paper's size
+#   snakemake                                        the paper's comparison and its figures, at its size
+#   snakemake curve                                  when does it pay? the same with surfaces nearer and farther
 #   snakemake --configfile config/ablation.yaml      all six methods on all seeds, in the same folder
 #   snakemake --configfile config/smoke.yaml         the same graph in minutes
 #   snakemake --configfile config/reference.yaml     figures and summary from the committed tables, in seconds

@@ -9,6 +9,7 @@ from conftest import ROOT
 from graph import copy, imported, planned, snakemake, stages
 
 SMOKE = ["--configfile", "config/smoke.yaml"]
+WHOLE = ["all", "curve", *SMOKE]
 DRAWN = {"panels", "ablation", "curve"}
 SIMULATED = {"trials", "sweep", "reach", "plans", "identifiability"}
 
@@ -23,11 +24,11 @@ def fresh(tmp_path_factory) -> Path:
 def finished(tmp_path_factory) -> Path:
     """A copy in which every file of the smoke workflow counts as made."""
     tree = copy(tmp_path_factory.mktemp("finished"))
-    listed = snakemake(tree, *SMOKE, "--summary").stdout.splitlines()[1:]
+    listed = snakemake(tree, *WHOLE, "--summary").stdout.splitlines()[1:]
     for path in (tree / line.split("\t")[0] for line in listed):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(path.name)
-    assert snakemake(tree, *SMOKE, "--touch", "--forceall").returncode == 0
+    assert snakemake(tree, *WHOLE, "--touch", "--forceall").returncode == 0
     return tree
 
 
@@ -84,7 +85,7 @@ def test_no_rule_asks_for_all_cores_of_which_a_cluster_has_no_number():
 
 
 def test_nothing_runs_twice(finished):
-    assert planned(finished, *SMOKE) == {}
+    assert planned(finished, *WHOLE) == {}
 
 
 @pytest.mark.parametrize(
@@ -93,18 +94,18 @@ def test_nothing_runs_twice(finished):
     indirect=["edited"],
 )
 def test_an_edit_reruns_what_depends_on_it(edited, rules):
-    assert set(planned(edited, *SMOKE)) == rules
+    assert set(planned(edited, *WHOLE)) == rules
 
 
 @pytest.mark.parametrize("edited", ["paper/systems/block.py"], indirect=True)
 def test_an_edited_system_does_not_rerun_the_other(edited):
-    jobs = planned(edited, *SMOKE)
+    jobs = planned(edited, *WHOLE)
     assert (jobs["trials"], jobs["sweep"], jobs["reach"], jobs["example"]) == (6, 2, 1, 1)
 
 
 def test_changed_noise_of_one_system_does_not_rerun_the_other(finished):
     (finished / "noise.yaml").write_text("systems: {block: {noise: 0.123}}")
-    jobs = planned(finished, *SMOKE, "noise.yaml")
+    jobs = planned(finished, *WHOLE, "noise.yaml")
     assert (jobs["trials"], jobs["sweep"], jobs["reach"], jobs["example"]) == (6, 2, 1, 1)
 
 
@@ -120,13 +121,13 @@ def test_changed_noise_of_one_system_does_not_rerun_the_other(finished):
 def test_a_key_of_the_design_reruns_the_methods_that_look_at_it(finished, override, jobs):
     overlay = override.startswith("gradients")
     (finished / "design.yaml").write_text(f"design: {{{override}}}" + "\nsweep: {design: {gradients: 3}}" * overlay)
-    found = planned(finished, *SMOKE, "design.yaml")
+    found = planned(finished, *WHOLE, "design.yaml")
     assert {rule: found.get(rule, 0) for rule in SIMULATED} == {rule: jobs.get(rule, 0) for rule in SIMULATED}
 
 
 def test_changed_sweep_does_not_rerun_the_trials(finished):
     (finished / "sweep.yaml").write_text("sweep: {surfaces: {arm: [0.5, 0.6, 0.7]}}")
-    assert set(planned(finished, *SMOKE, "sweep.yaml")) == {"sweep", "gather", "curve", "summary"}
+    assert set(planned(finished, *WHOLE, "sweep.yaml")) == {"sweep", "gather", "curve"}
 
 
 @pytest.mark.parametrize(
@@ -154,3 +155,7 @@ def test_the_lists_of_package_files_are_complete(stage, scripts):
     apart = (apart - {systems / "__init__.py"}) | ({paper / "estimate.py"} if stage in ("reach", "plans") else set())
     found = set().union(*(imported(ROOT / "workflow" / "scripts" / f"{script}.py") for script in scripts))
     assert found - apart == listed - apart
+
+
+def test_the_main_job_is_the_comparison_alone(fresh):
+    assert not planned(fresh, *SMOKE).keys() & {"sweep", "curve"}

@@ -127,7 +127,7 @@ def first_designs(system, method):
 
 def everything():
     """The default target: what can be drawn and, unless the tables are given, what must be simulated."""
-    drawn = ["panels.svg", "ablation.svg", "curve.svg", "summary.md"]
+    drawn = ["panels.svg", "ablation.svg", "summary.md"] + ["curve.svg"] * ("tables" in config)
     simulated = expand(["example-{system}.gif", "identifiability-{system}.md"], system=SYSTEMS)
     simulated += ["forces.svg"] if PLANNED else []
     return expand("<results>/{name}", name=drawn if "tables" in config else drawn + simulated)

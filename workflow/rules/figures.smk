@@ -39,6 +39,7 @@ rule curve:
     output:
         svg=report("<results>/curve.svg", caption="../report/curve.rst", category="Figures"),
         png="<results>/curve.png",
+        table=report("<results>/curve.csv", caption="../report/curve.rst", category="Summary"),
     log:
         "<results>/logs/curve.log",
     message:
@@ -97,13 +98,11 @@ rule summary:
     input:
         trials="<tables>/trials.csv",
         diagnostics="<tables>/diagnostics.csv",
-        sweep="<tables>/sweep.csv",
         reach="<tables>/reach.csv",
         code=code("summary"),
     output:
         summary=report("<results>/summary.csv", caption="../report/summary.rst", category="Summary"),
         coverage=report("<results>/coverage.csv", caption="../report/coverage.rst", category="Summary"),
-        curve=report("<results>/curve.csv", caption="../report/curve.rst", category="Summary"),
         text="<results>/summary.md",
     log:
         "<results>/logs/summary.log",

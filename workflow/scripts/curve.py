@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fimpact.paper.figures import panels as figures
+from fimpact.paper.summary import reduction_curve
 from fimpact.support import tables
 from fimpact.support.progress import logged
 
@@ -12,4 +13,5 @@ if TYPE_CHECKING:
 
 with logged(snakemake.log[0]):
     sweep, trials = tables.read(snakemake.input.sweep), tables.read(snakemake.input.trials)
+    tables.write(reduction_curve(sweep), snakemake.output.table)
     figures.curve(sweep, trials, Path(snakemake.output.svg).with_suffix(""))

@@ -1,4 +1,4 @@
-"""The numbers behind docs/paper.md: one row per system and method, coverage, and the reduction curve."""
+"""The numbers behind docs/paper.md: one row per system and method, and coverage."""
 
 from typing import TYPE_CHECKING
 
@@ -18,5 +18,4 @@ with logged(snakemake.log[0]):
     coverage = summary.coverage(diagnostics, trials)
     tables.write(table, output.summary)
     tables.write(coverage, output.coverage)
-    tables.write(summary.reduction_curve(tables.read(files.sweep)), output.curve)
     atomic_files.write_text(summary.to_markdown(table) + "\n" + summary.coverage_to_markdown(coverage), output.text)
