@@ -231,4 +231,4 @@ def test_no_second_gear_is_offered_where_one_gives():
     tried = [candidate("joint_elasticity", "a"), candidate("joint_elasticity", "b"), candidate("coulomb", "a")]
     told = [state.is_second_gear(tried, Option("", 0, (i,))) for i in range(3)]
     assert told == [True, False, False]
-    assert not state.is_second_gear(tried, Option("", 0, (0,)), out=0)
+    assert not state.is_second_gear(tried, Option("", 0, (0,)), out=[0])
