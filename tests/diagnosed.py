@@ -9,8 +9,8 @@ from fimpact.diagnosis import pipeline
 from fimpact.diagnosis.pipeline import Diagnosis, diagnose
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
+from fimpact.selection.explanation import Explanation
 from fimpact.selection.forced import fit_forced
-from fimpact.selection.forward import Explanation
 from fimpact.selection.substitutes import Alternative
 from fimpact.selection.unnamed_rest import Leftover
 from fimpact.smoothing.columns import motion_scales

@@ -10,7 +10,8 @@ from recorded import rod
 from fimpact.deciding import BELIEF, SHARE, TYPICAL
 from fimpact.effects import EFFECTS
 from fimpact.selection import forward
-from fimpact.selection.forward import Search, explain
+from fimpact.selection.explanation import explain
+from fimpact.selection.forward import Search
 from fimpact.selection.one_round import Trial, attempt, search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression

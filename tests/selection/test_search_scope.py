@@ -7,7 +7,7 @@ from recorded import rod
 
 from fimpact.cli import main
 from fimpact.effects import EFFECTS
-from fimpact.selection.forward import explain
+from fimpact.selection.explanation import explain
 from fimpact.selection.options import Option
 from fimpact.selection.search_scope import Limits
 from fimpact.smoothing.prepare import prepare

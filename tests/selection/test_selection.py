@@ -10,7 +10,7 @@ from recorded import ROD, arm, record, rod, rub, waves
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
-from fimpact.selection.forward import Explanation, explain
+from fimpact.selection.explanation import Explanation, explain
 from fimpact.selection.options import options
 from fimpact.selection.regression import Estimate, Regression
 from fimpact.smoothing.candidates import at

@@ -8,7 +8,7 @@ from recorded import record, waves
 
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
-from fimpact.selection.forward import explain
+from fimpact.selection.explanation import explain
 from fimpact.smoothing.candidates import at, needed_of_motors
 from fimpact.smoothing.columns import motion_scales
 from fimpact.smoothing.prepare import prepare

@@ -8,7 +8,7 @@ from recorded import rod
 
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
-from fimpact.selection.forward import explain
+from fimpact.selection.explanation import explain
 from fimpact.simulation.inputs import noise_in
 from fimpact.smoothing.prepare import prepare
 

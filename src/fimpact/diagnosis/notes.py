@@ -4,7 +4,7 @@ import numpy as np
 
 from fimpact.deciding import BELIEF
 from fimpact.effects.base import words
-from fimpact.selection.forward import Explanation
+from fimpact.selection.explanation import Explanation
 from fimpact.smoothing.prepare import Prepared
 
 SHORT = 20  # samples: less is no run

@@ -19,7 +19,7 @@ from fimpact.diagnosis.wording.verdict import verdict
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording
-from fimpact.selection.forward import Explanation, explain
+from fimpact.selection.explanation import Explanation, explain
 from fimpact.selection.one_round import Round
 from fimpact.selection.search_scope import Limits
 from fimpact.simulation.hypothesis import Hypothesis

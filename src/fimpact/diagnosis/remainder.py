@@ -6,7 +6,7 @@ import numpy as np
 
 from fimpact.deciding import LOUD
 from fimpact.diagnosis.held_out import Proof
-from fimpact.selection.forward import Explanation
+from fimpact.selection.explanation import Explanation
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth

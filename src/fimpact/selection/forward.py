@@ -1,50 +1,29 @@
 """Forward selection with refits: choose, refit with the trajectory, drop what is worth nothing, and look again."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE
-from fimpact.effects.base import Effect, Placed, Scales
+from fimpact.effects.base import Effect, Placed
 from fimpact.effects.wiring import has_servos
 from fimpact.selection.one_round import Round, Trial, search
 from fimpact.selection.options import Option, options
-from fimpact.selection.pruning import pruned, simplified
+from fimpact.selection.pruning import pruned
 from fimpact.selection.refit_start import begun, held_by, with_held
 from fimpact.selection.regression import Regression
 from fimpact.selection.rivals import among_rivals, exchanged
 from fimpact.selection.search_scope import Limits
-from fimpact.selection.servo_drives import align, drive, refitted_whole
+from fimpact.selection.servo_drives import refitted_whole
 from fimpact.selection.substitutes import Alternative, Exchange
-from fimpact.selection.unnamed_rest import Leftover, leftover
 from fimpact.smoothing.candidates import Candidate, candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.parameters import placed_of, theta_of
-from fimpact.smoothing.servo_lag import Way
 from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """What was found: the naive fit, the final one, which of its effects are small refinements, rounds, alternatives,
-    the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the columns of all
-    that was asked beside the final fit."""
-
-    naive: Smoothed
-    final: Smoothed
-    slight: frozenset[str]
-    rounds: tuple[Round, ...]
-    alternatives: tuple[Alternative, ...]
-    p: float
-    scales: Scales
-    missing: np.ndarray
-    left: Leftover
-    unasked: tuple[str, ...] = ()
-    asked: Callable[[], Regression] | None = None
 
 
 class Search:
@@ -230,29 +209,3 @@ class Search:
         own = (*(before[i] for i in kept), *placed)
         known = (*(self.current.priors[i] for i in kept), *priors)
         return own, known, theta
-
-
-def explain(
-    track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
-    limits: Limits | None = None, late: Sequence[Way] = (),
-) -> Explanation:  # fmt: skip
-    """Find what is missing: classes of physics and single odd effects, and small refinements of both, as far as
-    `limits` go.
-
-    Args:
-        late: how late all motors may be, as the readings show it before anything else is known.
-    """
-    limits = limits or Limits()
-    state = Search(track, begun, noise, limits.effects(effects), progress)
-    state.limits = limits
-    if state.asks():
-        align(state, late)
-    if state.asks():
-        drive(state)
-    while state.asks() and state.round():
-        pass
-    final = state.current = simplified(state)
-    return Explanation(
-        state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint,
-        state.scales, state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
-    )  # fmt: skip

@@ -1,0 +1,65 @@
+"""From a track to an explanation: what is missing in its model, as far as was asked."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fimpact.effects.base import Effect, Scales
+from fimpact.selection.forward import Search
+from fimpact.selection.one_round import Round
+from fimpact.selection.pruning import simplified
+from fimpact.selection.regression import Regression
+from fimpact.selection.search_scope import Limits
+from fimpact.selection.servo_drives import align, drive
+from fimpact.selection.substitutes import Alternative
+from fimpact.selection.unnamed_rest import Leftover, leftover
+from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.servo_lag import Way
+from fimpact.smoothing.smoother import Smoothed
+from fimpact.smoothing.states import States
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What was found: the naive fit, the final one, which of its effects are small refinements, rounds, alternatives,
+    the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the columns of all
+    that was asked beside the final fit."""
+
+    naive: Smoothed
+    final: Smoothed
+    slight: frozenset[str]
+    rounds: tuple[Round, ...]
+    alternatives: tuple[Alternative, ...]
+    p: float
+    scales: Scales
+    missing: np.ndarray
+    left: Leftover
+    unasked: tuple[str, ...] = ()
+    asked: Callable[[], Regression] | None = None
+
+
+def explain(
+    track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
+    limits: Limits | None = None, late: Sequence[Way] = (),
+) -> Explanation:  # fmt: skip
+    """Find what is missing: classes of physics and single odd effects, and small refinements of both, as far as
+    `limits` go.
+
+    Args:
+        late: how late all motors may be, as the readings show it before anything else is known.
+    """
+    limits = limits or Limits()
+    state = Search(track, begun, noise, limits.effects(effects), progress)
+    state.limits = limits
+    if state.asks():
+        align(state, late)
+    if state.asks():
+        drive(state)
+    while state.asks() and state.round():
+        pass
+    final = state.current = simplified(state)
+    return Explanation(
+        state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint,
+        state.scales, state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
+    )  # fmt: skip
