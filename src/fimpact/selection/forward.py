@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE
+from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE, UNLIKELY
 from fimpact.effects.base import Effect, Placed
 from fimpact.effects.wiring import has_servos
 from fimpact.selection.one_round import Round, Trial, search
@@ -191,7 +191,7 @@ class Search:
     def refitted(self, regression: Regression, trial: Trial | Exchange, out: Collection[int] = ()) -> Smoothed:
         """The fit with the members of `trial`, begun where the regression has them, without the effects `out`."""
         own, known, theta = self.begun_with(regression, trial, out)
-        bar = np.inf if out else self.current.loss()
+        bar = self.current.loss() - np.log(UNLIKELY) * bool(out)  # what takes another's place may be as likely
         return smooth(self.track, self.begun, self.noise, own, known, self.current, theta, self.progress, bar=bar)
 
     def begun_with(

@@ -27,7 +27,7 @@ from fimpact.smoothing.stretches import stretches
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
 FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much as a reading's noise
 SHRINKS = 0.7  # of the last step: a next one that is longer does not converge by itself
-ROUNDS_ABOVE_BAR = 4  # rounds in a row that fit worse than a fit has to, and come no nearer to that
+ROUNDS_ABOVE_BAR = 2  # rounds in a row that fit worse than a fit has to, and fall too slowly to get there
 INNER = 4  # updates of the noise levels between two linearisations
 
 
@@ -92,9 +92,9 @@ def smooth(
     Args:
         begun: states to begin with, (N,). noise: sd of the readings, (ny,). placed: effects that are added; priors: sd
             of their amplitudes. like: an earlier result of the same track to begin with. theta: unknowns to begin with.
-        frozen: the numbers stay as they are. bar: loss that the fit must beat; where it has been above it for some
-            rounds and come no nearer, it ends, and has not converged. patience: rounds that fit worse than an earlier
-            one, after which the fit ends with that one; None: it goes on, and ends with the last.
+        frozen: the numbers stay as they are. bar: loss that the fit must beat; where it falls too slowly to get
+            there, it ends, and has not converged. patience: rounds that fit worse than an earlier one, after which the
+            fit ends with that one; None: it goes on, and ends with the last.
     """
     theta = theta if theta is not None else track.simulator.theta if like is None else like.theta
     fixed = parameters(track.simulator, theta, placed, priors)
@@ -108,7 +108,7 @@ def smooth(
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
     least, lost = np.inf, 0  # of the rounds so far, and rounds since that fit worse than it
-    lowest, above_bar = np.inf, 0  # the same of `bar`, and rounds since above it that did not come nearer
+    before, above_bar = np.inf, 0  # of the round before, and rounds in a row that are too slow to get below `bar`
     best: tuple[States, np.ndarray, np.ndarray, Levels, list[Parameter]] | None = None
     least_move, before_divergence = np.inf, best
     for k in range(rounds + len(anneal)):
@@ -166,8 +166,8 @@ def smooth(
         if converged:
             break
         now = found.fit + found.cost
-        stuck = k >= len(anneal) and now > max(bar, lowest - TIED)
-        lowest, above_bar = min(lowest, now), above_bar + 1 if stuck else 0
+        slow = k > len(anneal) and now - bar > (rounds + len(anneal) - 1 - k) * max(before - now, 0.0)
+        before, above_bar = now, above_bar + 1 if slow else 0
         if above_bar == ROUNDS_ABOVE_BAR:
             break
         if patience and k >= len(anneal):
