@@ -15,7 +15,7 @@ from fimpact.selection.forward import Search
 from fimpact.selection.one_round import worth
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
-from fimpact.selection.rivals import exchanged
+from fimpact.selection.rivals import among_rivals, exchanged
 from fimpact.selection.substitutes import Exchange, exchanges
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import columns, motion_scales
@@ -142,3 +142,15 @@ def test_a_gear_that_shows_in_its_encoder_alone_is_worth_the_force_that_it_saves
     weak = replace(fit, linear=replace(fit.linear, offsets=1e-6 * fit.linear.offsets))
     shown = Regression(weak, whole.columns)
     assert worth(shown, column, 1.0, missing).share > 1e-2 * force
+
+
+def test_a_rival_that_was_not_refitted_counts_no_more_than_the_answer(monkeypatch):
+    state, asked, offered = begun_with(0.15, "coulomb", "pivot")
+    monkeypatch.setattr(rivals, "RIVALS", 0)
+    option = next(o for o in offered if o.name == "spring@pivot")
+    estimate = asked.solve([0, asked.p + asked.columns.of(option.members[0])[0]])
+    chosen = SimpleNamespace(option=SimpleNamespace(order=0, compound=False))
+    trial = SimpleNamespace(option=option, estimate=estimate)
+    found = SimpleNamespace(chosen=chosen, rivals=((trial, 1e4),))
+    assert among_rivals(state, asked, found, state.current) is state.current
+    assert [a.weight for a in state.alternatives] == [1.0]

@@ -52,8 +52,9 @@ def test_a_right_name_is_not_doubted_and_leaves_nothing():
     assert left_of(rod(0.15), ("coulomb", "pivot")) == Leftover(None, None, 0.0, ())
 
 
-def test_a_name_that_a_smooth_function_beats_is_doubted():
-    assert left_of(pulled("rough"), ("viscous", "pivot")).doubted == ("viscous@pivot",)
+def test_a_name_that_a_smooth_function_beats_is_doubted_and_has_it_for_a_rival():
+    found = left_of(pulled("rough"), ("viscous", "pivot"))
+    assert (found.doubted, found.instead) == (("viscous@pivot",), 1.0)
 
 
 def test_a_smooth_function_is_one_everywhere_where_its_weights_are():
