@@ -1,5 +1,6 @@
 """What the page says about how often such answers were right."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -67,3 +68,12 @@ def test_an_answer_is_trusted_as_far_as_such_answers_were_right_blind(monkeypatc
     assert rubbing().confidence == pytest.approx(7 / 10)
     assert undecided().confidence == pytest.approx(1 / 1.4 / 2)
     assert nothing().confidence is None
+
+
+def test_something_without_a_name_is_a_rival_of_what_is_told_but_not_of_small_refinements():
+    left = replace(rubbing().explanation.left, instead={"coulomb@pivot": 1.0})
+    doubted = replace(rubbing(), explanation=replace(rubbing().explanation, left=left))
+    assert doubted.answer_set == ["coulomb@pivot", "unnamed"]
+    assert doubted.confidence == pytest.approx(blind_record.share_that_held(choice=True) / 2)
+    small = replace(doubted, explanation=replace(doubted.explanation, slight=frozenset(["coulomb@pivot"])))
+    assert small.answer_set == ["coulomb@pivot"]

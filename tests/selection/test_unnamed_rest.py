@@ -54,7 +54,7 @@ def test_a_right_name_is_not_doubted_and_leaves_nothing():
 
 def test_a_name_that_a_smooth_function_beats_is_doubted_and_has_it_for_a_rival():
     found = left_of(pulled("rough"), ("viscous", "pivot"))
-    assert (found.doubted, found.instead) == (("viscous@pivot",), 1.0)
+    assert (found.doubted, found.instead) == (("viscous@pivot",), {"viscous@pivot": 1.0})
 
 
 def test_a_smooth_function_is_one_everywhere_where_its_weights_are():

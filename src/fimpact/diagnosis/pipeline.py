@@ -73,8 +73,8 @@ class Diagnosis:
 
     @property
     def nameless(self) -> float:
-        """How likely, beside the answer's 1, something without a name stands in the place of a name."""
-        return self.explanation.left.instead if self.members else 0.0
+        """How likely, beside the answer's 1, something without a name stands in the place of one of its names."""
+        return _nameless(self.explanation) if self.members else 0.0
 
     @property
     def confidence(self) -> float | None:
@@ -124,7 +124,7 @@ def diagnose(
     answer = _answer(effects, left)
     members = _members(found, answer)
     missing = answer != NONE
-    others = [NAMELESS_RIVAL] * (bool(members) and found.left.instead > UNLIKELY) + [m.name for m in members[1:]]
+    others = [NAMELESS_RIVAL] * (bool(members) and _nameless(found) > UNLIKELY) + [m.name for m in members[1:]]
     words = verdict(effects, others, missing, left["sentence"] if missing else "", notes)
     rivals = {p.name for own in (found.final.placed, *(a.placed for a in found.alternatives)) for p in own}
     unshown = () if brief or found.asked is None else not_shown(recording, found.asked(), rivals)
@@ -138,6 +138,11 @@ def _answer(effects: Sequence[Finding], left: dict[str, Any]) -> str:
     main = [f for f in effects if f.tier != SLIGHT]
     named = sorted(f.name for f in main if f.seen) or sorted(f.name for f in main if f.why_not != NAMELESS)
     return "+".join(named) or (UNNAMED if left["unnamed"] or main else NONE)
+
+
+def _nameless(found: Explanation) -> float:
+    """How likely something without a name stands in the place of a name that is no small refinement."""
+    return max((own for name, own in found.left.instead.items() if name not in found.slight), default=0.0)
 
 
 def _members(found: Explanation, answer: str) -> tuple[Member, ...]:

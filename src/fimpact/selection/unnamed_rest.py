@@ -6,7 +6,7 @@ Montel, Alvey, Weniger, arXiv 2412.15100).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -32,13 +32,13 @@ KNOTS = 8  # of a smooth function, from the least to the most of what it follows
 class Leftover:
     """What is left without a name. dof, follows: where, and what it follows there, None: nothing smooth. share: of the
     squared force that was missing there. doubted: names (``effect@site``) that explain less than half of what such a
-    function does. instead: how likely, beside the answer's 1 and at most that, one of its names is wrong."""
+    function does. instead: of names, how likely, beside the answer's 1 and at most that, they are wrong."""
 
     dof: int | None
     follows: str | None
     share: float
     doubted: tuple[str, ...]
-    instead: float = 0.0
+    instead: dict[str, float] = field(default_factory=dict)
 
 
 def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
@@ -54,7 +54,8 @@ def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
     stronger = {e.places[0] for e in likelier if e.weight * UNLIKELY > 1 and e.better > worth[e.places]}
     doubted = tuple(fit.placed[place].name for place in sorted(stronger))
     # What refines a law by less than a tenth leaves it a law.
-    instead = max((min(e.weight, 1.0) for e in likelier if e.better > REFINES * worth[e.places]), default=0.0)
+    wrong = [e for e in reversed(likelier) if e.better > REFINES * worth[e.places]]  # the likeliest last
+    instead = {fit.placed[e.places[0]].name: min(e.weight, 1.0) for e in wrong}
     if best is None:
         return Leftover(None, None, 0.0, doubted, instead)
     what, dof = best.option.name.split("@")
