@@ -92,7 +92,7 @@ class Search:
     def searched(self, tried: list[Candidate], missing: np.ndarray, floor: float) -> tuple[Regression, Round]:
         """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""
         steps = self.track.steps
-        offered = self._alone(tried)
+        offered = self._without_second_gears(tried)
         while True:
             regression = Regression(self.current, columns(self.current, tried, self._simulated))
             found = search(regression, offered, missing, floor)
@@ -116,8 +116,8 @@ class Search:
         found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
         return [option for option in found if option.name not in self.failed]
 
-    def _alone(self, tried: Sequence[Candidate]) -> list[Option]:
-        """What is offered of these, but for a second gear at a joint."""
+    def _without_second_gears(self, tried: Sequence[Candidate]) -> list[Option]:
+        """Options of these, but for a second gear at a joint."""
         return [option for option in self.offered(tried) if not self.is_second_gear(tried, option)]
 
     def round(self) -> bool:
@@ -130,7 +130,7 @@ class Search:
         if found.chosen is not None:
             return self.adopt(regression, found, self.missing, SHARE)
         if self.current.placed and not self.limits.quick:
-            later = search(regression, self._alone(regression.columns.candidates), self.left(), REFINES)
+            later = search(regression, self._without_second_gears(regression.columns.candidates), self.left(), REFINES)
             if later.chosen is not None:
                 return self.adopt(regression, later, self.left(), REFINES)
         self.rounds += [] if self.tries > 1 or self.rounds else [found]
