@@ -13,7 +13,7 @@ from fimpact.benchmark.grading import case_table, claim
 from fimpact.benchmark.grading.answers import size_of
 from fimpact.benchmark.grading.claim_lines import ClaimLine, coverage, share, with_interval
 from fimpact.benchmark.grading.confusion import named
-from fimpact.benchmark.grading.pictures import APART, FIGURES, _bins
+from fimpact.benchmark.grading.pictures import APART, FIGURES, draw_bins
 from fimpact.benchmark.grading.score import COLUMNS, gather, score_case
 from fimpact.benchmark.jsonl import as_lines, each, held_out_error, read_rows, runs_of
 from fimpact.benchmark.plan import case_names, compared, plan
@@ -154,7 +154,7 @@ def test_pictures_of_a_few_cases(name, tmp_path):
 
 def test_counts_under_the_calibration_curve_stand_apart():
     figure, ax = plt.subplots()
-    _bins(ax, np.array([[0.2, 0.2, 4], [0.765, 0.8, 11], [0.807, 0.8, 35], [0.82, 0.9, 7], [0.98, 1, 129]]))
+    draw_bins(ax, np.array([[0.2, 0.2, 4], [0.765, 0.8, 11], [0.807, 0.8, 35], [0.82, 0.9, 7], [0.98, 1, 129]]))
     places = {text.get_text(): text.xy[0] for text in ax.texts if text.get_text().isdigit()}
     plt.close(figure)
     assert list(places) == ["4", "11", "35", "7", "129"] and places["4"] == 0.2

@@ -67,7 +67,7 @@ def test_every_run_begins_on_the_same_ground():
 
 def test_every_effect_is_asked_to_hide_in_one_pass_or_the_next():
     pool = sum(len(entry.sites) for entry in planted_effects.PLANTS.values())
-    asked = np.array([draw._must_be_hidden(i, None) for i in range(2 * pool)]).reshape(2, -1)
+    asked = np.array([draw.must_be_hidden(i, None) for i in range(2 * pool)]).reshape(2, -1)
     assert (asked.sum(0) == 1).all()
 
 

@@ -32,7 +32,7 @@ from mcap_ros2.writer import Writer
 from pyarrow import parquet
 
 from fimpact.cases import CaseError, inputs, read_case
-from fimpact.cases.models.naive import _name_free_joints
+from fimpact.cases.models.naive import name_free_joints
 from fimpact.cases.readers.files import read_table
 from fimpact.cases.resampling import Series, on_grid, zero_order_hold
 from fimpact.cases.units import factor
@@ -409,7 +409,7 @@ def test_yaml_may_merge_tables(tmp_path):
 def test_two_free_bodies_need_no_names():
     body = '<body><freejoint/><geom size="1"/></body>'
     tree = ElementTree.fromstring(f"<mujoco><worldbody>{body}{body}</worldbody></mujoco>")
-    _name_free_joints(tree)
+    name_free_joints(tree)
     assert len({joint.get("name") for joint in tree.iter("freejoint")}) == 2
 
 

@@ -17,8 +17,8 @@ from fimpact.diagnosis.experiments.predicted_separation import (
     MOST,
     PIECES,
     PriorKnowledge,
-    _left,
     fitted_information,
+    non_absorbed,
     separations,
     unknown_information,
 )
@@ -30,7 +30,7 @@ from fimpact.diagnosis.experiments.separating import (
     NEEDED,
     PATIENCE,
     Experiment,
-    _search,
+    best_design,
     discriminate,
     repeats,
     utility,
@@ -156,7 +156,7 @@ def test_an_experiment_that_diverges_separates_nothing():
 def test_no_piece_of_a_run_alone_separates():
     wild = np.zeros((1, 4 * PIECES))
     wild[0, :4] = 1e6
-    assert _left(wild, np.zeros((1, 1, 4 * PIECES)), np.eye(1)) == pytest.approx([MOST])
+    assert non_absorbed(wild, np.zeros((1, 1, 4 * PIECES)), np.eye(1)) == pytest.approx([MOST])
 
 
 def test_the_design_is_no_worse_than_random(monkeypatch):
@@ -182,14 +182,14 @@ def test_a_search_ends_when_more_is_not_needed_or_not_found(value, searched):
         calls.append(len(designs))
         return np.full((len(designs), 1), value)
 
-    found, pairs = _search(constant, allowed, np.full(3, 0.5), np.array([value]), 0)
+    found, pairs = best_design(constant, allowed, np.full(3, 0.5), np.array([value]), 0)
     assert len(calls) == searched and pairs == [value] and found == pytest.approx([0.5] * 3)
 
 
 def test_a_search_that_finds_nothing_worth_playing_ends_early():
     values = iter(np.logspace(-6, -3, GENERATIONS))
     allowed = DesignSpace(np.zeros(3), np.ones(3), 5, moved_by(0))
-    _, pairs = _search(
+    _, pairs = best_design(
         lambda designs: np.full((len(designs), 1), next(values)), allowed, np.zeros(3), np.array([1e-9]), 0
     )
     assert pairs == [np.logspace(-6, -3, GENERATIONS)[MIN_GENERATIONS - 1]]

@@ -185,7 +185,7 @@ def test_bursts_that_gain_nothing_come_nearer_and_the_last_stage_closes_in(syste
         asked.append((iterations, pytest.approx(reach)))
         return start, {"return_status": "Maximum_Iterations_Exceeded", "iter_count": iterations}
 
-    monkeypatch.setattr(Planner, "_solve", solve)
+    monkeypatch.setattr(Planner, "solve", solve)
     plan = made.plan(rho, TOUCHING[system.name], [0.1, 1e-2], 2 * BURST)
     assert asked == [(BURST, reach) for reach in (2, 0.2, 2, 0.2, 0.02, 0.002)]
     assert not plan.solved and plan.iterations == 6 * BURST
@@ -199,7 +199,7 @@ def test_a_stage_ends_when_ipopt_has_converged(system, monkeypatch):
         asked.append(reach)
         return start, {"return_status": "Solve_Succeeded", "iter_count": 1}
 
-    monkeypatch.setattr(Planner, "_solve", solve)
+    monkeypatch.setattr(Planner, "solve", solve)
     assert made.plan(rho, TOUCHING[system.name], [0.1, 1e-2], 24).solved
     assert asked == [2, 2]
 
@@ -210,7 +210,7 @@ def test_a_burst_keeps_within_its_reach_of_the_design(system):
     settings = np.concatenate([rho, [0.1], np.eye(len(rho)).ravel()])
 
     def moved(reach: float) -> float:
-        return np.abs(made._solve(start, settings, 6, reach)[0] - start)[: made.programme.designs].max()
+        return np.abs(made.solve(start, settings, 6, reach)[0] - start)[: made.programme.designs].max()
 
     assert moved(0.02) < 0.02 + 1e-6 < moved(2.0)
 
@@ -228,7 +228,7 @@ def test_contact_that_rigidity_would_lose_is_tightened_half_way_first(systems, m
         asked.append(eps)
         return design, motion, [design], {"return_status": "Solve_Succeeded", "iter_count": 1}
 
-    monkeypatch.setattr(Planner, "_stage", stage)
+    monkeypatch.setattr(Planner, "stage", stage)
     made.plan(rho, TOUCHING["block"], [0.1, 1e-6], 24)
     assert asked == pytest.approx(stages)
 
@@ -239,7 +239,7 @@ def test_what_cannot_be_moved_is_not_solved(systems, monkeypatch):
     broken = replace(made.simulate(TOUCHING["block"], rho, 1e-2), solved=False)
     monkeypatch.setattr(Planner, "simulate", lambda *args: broken)
     monkeypatch.setattr(
-        Planner, "_solve", lambda self, start, *others: (start, {"return_status": "Solve_Succeeded", "iter_count": 1})
+        Planner, "solve", lambda self, start, *others: (start, {"return_status": "Solve_Succeeded", "iter_count": 1})
     )
     assert not made.plan(rho, TOUCHING["block"], [1e-2], 4).solved
 

@@ -8,7 +8,7 @@ from conftest import TOUCHING
 
 from fimpact.paper import reference_simulator
 from fimpact.paper.config import SEEN
-from fimpact.paper.design import METHODS, _units, best_of_n, contact_blind, evaluate, fisher, transcribe
+from fimpact.paper.design import METHODS, best_of_n, contact_blind, evaluate, fisher, transcribe, unknown_directions
 from fimpact.paper.estimate import beliefs, untried
 from fimpact.paper.reach import contact_free
 from fimpact.paper.search import Campaign
@@ -55,7 +55,7 @@ def test_contact_is_found_from_a_start_that_has_none(task):
 
 def test_only_a_start_that_does_not_touch_has_to_approach(task, monkeypatch):
     approached = []
-    monkeypatch.setattr("fimpact.paper.design._approach", lambda task, start: approached.append(1) or start[0])
+    monkeypatch.setattr("fimpact.paper.design.approach", lambda task, start: approached.append(1) or start[0])
     clear = contact_free(task, task.beliefs, 16)
     fisher(task, start=np.vstack([clear[1:], TOUCHING["block"]]))
     assert not approached
@@ -149,9 +149,9 @@ def test_a_refined_design_is_no_worse(task):
 
 def test_the_units_are_what_is_not_known():
     known = np.array([[4.0, 1.0], [1.0, 100.0]])
-    units = _units(known)
+    units = unknown_directions(known)
     assert np.allclose(units @ units.T, np.linalg.inv(known) * np.linalg.eigvalsh(known).min())
-    assert np.allclose(_units(np.eye(3) / 0.09) @ _units(np.eye(3) / 0.09).T, np.eye(3))
+    assert np.allclose(unknown_directions(np.eye(3) / 0.09) @ unknown_directions(np.eye(3) / 0.09).T, np.eye(3))
 
 
 def test_a_plan_that_does_not_touch_is_tried_again_from_another_start(task, monkeypatch):
@@ -159,9 +159,9 @@ def test_a_plan_that_does_not_touch_is_tried_again_from_another_start(task, monk
         plan = transcribe(replace(task, rng=np.random.default_rng(1)))
         return plan.iterations, plan.designs
 
-    monkeypatch.setattr("fimpact.paper.design._touching", lambda task, values: True)
+    monkeypatch.setattr("fimpact.paper.design.touches", lambda task, values: True)
     once, first = planned()
-    monkeypatch.setattr("fimpact.paper.design._touching", lambda task, values: False)
+    monkeypatch.setattr("fimpact.paper.design.touches", lambda task, values: False)
     twice, best = planned()
     assert twice > once and evaluate(task, best).max() >= evaluate(task, first).max()
 

@@ -9,7 +9,7 @@ from conftest import CLEAR, TOUCHING
 from scipy.optimize import OptimizeResult
 
 from fimpact.paper import reference_simulator
-from fimpact.paper.estimate import FAR, _mode, beliefs, estimate
+from fimpact.paper.estimate import FAR, beliefs, estimate, mode_of
 from fimpact.paper.search import Campaign, Mode, posterior_cost, prior_mode
 
 NEARLY = np.array([0.3, 0.5, -2.65, 2.0])  # touches if the block is somewhat larger than nominal
@@ -97,7 +97,8 @@ def test_a_fit_far_above_the_noise_is_not_believed(systems, landed):
 
 def test_a_draw_that_diverged_costs_infinity_without_a_warning(systems, landed, monkeypatch):
     _, known, _ = landed
-    monkeypatch.setattr("fimpact.paper.search._errors", lambda campaign, rho: np.full((2 * len(rho), 320), 1e200))
+    wild = lambda campaign, rho: np.full((2 * len(rho), 320), 1e200)  # noqa: E731
+    monkeypatch.setattr("fimpact.paper.search.whitened_errors", wild)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         cost = posterior_cost(known, np.ones((3, 3)), blur=0.02)
@@ -114,5 +115,5 @@ def test_what_cannot_be_simulated_is_a_status_and_not_a_crash(systems, monkeypat
 
 def test_information_beyond_round_off_still_gives_a_covariance():
     slope = np.array([[1e9, 0.0], [1e9, 1e-9]])
-    mode = _mode(OptimizeResult(x=np.ones(2), jac=slope))
+    mode = mode_of(OptimizeResult(x=np.ones(2), jac=slope))
     assert np.isfinite(mode.spread).all()

@@ -35,6 +35,6 @@ def test_vmapped_products_are_right_at_16385_rows():
 def test_the_cache_is_keyed_by_cpu_and_jax(monkeypatch, tmp_path):
     monkeypatch.setenv("FIMPACT_CACHE", str(tmp_path))
     first = runtime.cache_folder()
-    monkeypatch.setattr(runtime, "_cpu", lambda: "another")
+    monkeypatch.setattr(runtime, "processor", lambda: "another")
     assert runtime.cache_folder().parent == tmp_path
     assert runtime.cache_folder() != first

@@ -12,7 +12,7 @@ from conftest import CLEAR, TOUCHING
 
 from fimpact.paper import reference_simulator
 from fimpact.paper.information.programs import programs
-from fimpact.paper.information.rollout import _alike, with_parameters
+from fimpact.paper.information.rollout import average_of_joint, with_parameters
 from fimpact.paper.systems import SYSTEMS, make_system
 
 
@@ -91,7 +91,7 @@ def test_a_free_or_ball_joints_weights_are_averages():
         "<mujoco><worldbody><body><freejoint/><geom type='box' size='.1 .2 .3'/>"
         "<body pos='.3 0 0'><joint type='ball'/><geom type='box' size='.3 .1 .2'/></body></body></worldbody></mujoco>"
     )
-    own = _alike(mjx.put_model(model))
+    own = average_of_joint(mjx.put_model(model))
     data, inverse = mujoco.MjData(model), np.empty((model.nv, model.nv))
     mujoco.mj_forward(model, data)
     mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))

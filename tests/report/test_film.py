@@ -11,7 +11,7 @@ from PIL import Image
 from recorded import ROD as XML
 
 from fimpact.diagnosis.held_out import starts_of
-from fimpact.report.film import _bodies, draw_film, stretch
+from fimpact.report.film import draw_film, draw_moving, stretch
 from fimpact.report.plotting.gif import FEWEST, write_gif
 from fimpact.report.plotting.scene import Scene, outline
 from fimpact.report.plotting.stroboscopic import View
@@ -94,7 +94,7 @@ def test_what_is_seen_edge_on_is_a_line_and_what_has_left_is_nothing(diagnosis):
     ends = outline(scene, 0, 0)
     assert len(ends) == 2 and np.ptp(ends, axis=0) == pytest.approx([0, 0.6])
     view = View(np.zeros(2), np.ones(2), 1.0, (0, 1))
-    assert _bodies(None, scene, 1, "black", 1.0, view) == []
+    assert draw_moving(None, scene, 1, "black", 1.0, view) == []
 
 
 def test_what_cannot_be_drawn_leaves_no_file(diagnosis, given, tmp_path):

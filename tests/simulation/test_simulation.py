@@ -380,7 +380,7 @@ def test_a_finer_step_needs_no_new_slopes(monkeypatch):
     anew, begun = (fit_windows(plant, hypothesis, windows, own, noise) for plant in (fine, coarse))
     moved = step_error(begun, Simulator(given, 2), hypothesis, 4)
     assert 0 < moved < 1 and step_error(begun, coarse, hypothesis, 4) == 0
-    monkeypatch.setattr(window_fit, "_sloped", lambda *_: pytest.fail("slopes are kept"))
+    monkeypatch.setattr(window_fit, "with_slopes", lambda *_: pytest.fail("slopes are kept"))
     found = refit(begun, fine, hypothesis)
     np.testing.assert_allclose(found.cost, anew.cost, rtol=0.02)
     np.testing.assert_allclose(found.predicted, anew.predicted, atol=2e-3)

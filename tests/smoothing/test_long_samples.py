@@ -181,7 +181,7 @@ def test_parts_of_a_drive_are_judged_beside_one_another(monkeypatch):
     search = search_of(replace(heavy, xml=light))
     drive(search)
     assert search.parts >= {law.name for law in search.current.placed} >= {"viscous@pivot"}
-    monkeypatch.setattr(pruning, "_bears", lambda regression, place, *bar: asked.update({place: bar}) or True)
+    monkeypatch.setattr(pruning, "bears", lambda regression, place, *bar: asked.update({place: bar}) or True)
     pruned(search, search.current, search.missing)
     assert {floor for _, floor in asked.values()} == {REFINES}
     assert all(missing < search.missing for missing, _ in asked.values())

@@ -140,7 +140,7 @@ def test_where_no_step_in_between_can_be_fine_enough_for_contact_the_finest_is_t
     """What halves with the step has more than a noise left at the finest; what falls faster is followed."""
     given = iter(errors)
     calls = []
-    monkeypatch.setattr(refinement, "_error", lambda *parts: calls.append(parts) or next(given))
+    monkeypatch.setattr(refinement, "halving_error", lambda *parts: calls.append(parts) or next(given))
     starts = [([0, 0, 0.2, 1, 0, 0, 0], [0.3, 0, 0, 0, 0, 0])]
     seen = tuple(f"place[{i}]" for i in range(3))
     made = prepare(record(BALL, seen, [np.zeros((30, 0))], 5e-4, starts=starts, fine=5))

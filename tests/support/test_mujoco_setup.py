@@ -20,5 +20,5 @@ def test_the_profiler_is_off(capfd):
 
 @pytest.mark.parametrize("library", ["", "no/such/library.so"])
 def test_where_the_clock_is_not_found_it_is_left_alone(monkeypatch, library):
-    monkeypatch.setattr(mujoco_setup, "_library", lambda: library)
+    monkeypatch.setattr(mujoco_setup, "library_path", lambda: library)
     mujoco_setup.hush()

@@ -39,16 +39,17 @@ def fisher(task: Task, blind: bool = False, start: np.ndarray | None = None) -> 
     """
     candidates = start if start is not None else _draws(task, task.budget["spread"])
     values = evaluate(task, candidates, blind)
-    if blind and not _touching(task, values):  # flight tells a blind designer nothing: all throws are alike
+    if blind and not touches(task, values):  # flight tells a blind designer nothing: all throws are alike
         return Design(candidates[0], float(values[0]), len(candidates))
-    clear = not (blind or _touching(task, values))
-    best = _approach(task, candidates) if clear else candidates[np.argmax(values)]
+    clear = not (blind or touches(task, values))
+    best = approach(task, candidates) if clear else candidates[np.argmax(values)]
     best, value = _search(task, best, blind)
     design, value = _refine(task, best, value, blind)
     return Design(design, value, _allowance(task, clear))
 
 
-def _touching(task: Task, values: np.ndarray) -> bool:
+def touches(task: Task, values: np.ndarray) -> bool:
+    """Tell whether any of the designs of these values, (n,), touches for what is believed."""
     return bool(values.max() > _nothing(task) + TOLD)
 
 
@@ -61,8 +62,8 @@ def _allowance(task: Task, clear: bool) -> int:
     return 1 + budget["spread"] + POPULATION * budget["generations"] + refining + approaching
 
 
-def _approach(task: Task, candidates: np.ndarray) -> np.ndarray:
-    """Inputs that bring every belief as near to the surface as the budget finds, shape (d,)."""
+def approach(task: Task, candidates: np.ndarray) -> np.ndarray:
+    """Search inputs that bring every belief as near to the surface as the budget finds, shape (d,)."""
     shares = _gap_left(task, candidates)
     cma = _cma(task, candidates[np.argmin(shares)], AFAR)
     best, least = candidates[np.argmin(shares)], shares.min()
@@ -171,7 +172,7 @@ def best_of_n(task: Task) -> Design:
     """The best, by the same criterion and beliefs, of as many uniform draws as `fisher` may simulate."""
     draws = _draws(task, task.budget["spread"])
     values = evaluate(task, draws)
-    more = _draws(task, _allowance(task, not _touching(task, values)) - len(draws))
+    more = _draws(task, _allowance(task, not touches(task, values)) - len(draws))
     draws, values = np.vstack([draws, more]), np.append(values, evaluate(task, more))
     return Design(draws[np.argmax(values)], float(values.max()), len(draws))
 
@@ -202,8 +203,12 @@ def contact_implicit(task: Task, start: np.ndarray | None = None) -> Design:
     return Design(found.designs[np.argmax(values)], float(values.max()), found.iterations + len(values))
 
 
-def _units(known: np.ndarray) -> np.ndarray:
-    """Directions of the relative parameters, (p, p) by columns, in proportion to what is not known along them."""
+def unknown_directions(known: np.ndarray) -> np.ndarray:
+    """Scale the principal directions of the relative parameters, (p, p) by columns, by what is not known along them.
+
+    Args:
+        known: Fisher information with the prior, (p, p).
+    """
     values, vectors = np.linalg.eigh(known)
     return vectors * np.sqrt(values.min() / values)
 
@@ -220,11 +225,11 @@ def transcribe(task: Task, start: np.ndarray | None = None) -> Plan:
     starts = _draws(task, tries) if start is None else np.tile(start, (tries, 1))
     estimate = task.estimate if task.estimate is not None else task.beliefs.mean(0)
     settings, plans = task.budget["transcription"], []
-    made, units, values = planner(task.system, settings["intervals"]), _units(task.known), []
+    made, units, values = planner(task.system, settings["intervals"]), unknown_directions(task.known), []
     for rho, first in zip([estimate, *task.beliefs], starts, strict=True):
         plans.append(made.plan(rho, first, settings["eps"], settings["iterations"], units))
         values.append(evaluate(replace(task, beliefs=rho[None]), plans[-1].designs))
-        if _touching(task, values[-1]):
+        if touches(task, values[-1]):
             break
     best = plans[np.argmax([value.max() for value in values])]
     return replace(best, iterations=sum(plan.iterations for plan in plans))

@@ -85,7 +85,7 @@ def beliefs(campaign: Campaign, found: Estimate, count: int, rng: np.random.Gene
 
 
 def _conclude(campaign: Campaign, fits: list[OptimizeResult]) -> Estimate:
-    best, carried = fits[0], [_mode(fit) for fit in fits]
+    best, carried = fits[0], [mode_of(fit) for fit in fits]
     agreeing = [fit.cost - best.cost < SAME_OPTIMUM for fit in fits]
     status = "converged" if sum(agreeing) >= 2 else "few starts agree"
     covariance = carried[0].spread @ carried[0].spread.T
@@ -98,7 +98,8 @@ def _fit(campaign: Campaign, starts: Sequence[np.ndarray], settings: dict) -> li
     return [fit for fit in (_polish(campaign, start, settings) for start in starts) if fit is not None]
 
 
-def _mode(fit: OptimizeResult) -> Mode:
+def mode_of(fit: OptimizeResult) -> Mode:
+    """Approximate the posterior around a fit by a normal distribution, that of the Fisher information there."""
     precision = fit.jac.T @ fit.jac
     try:
         return Mode(fit.x, np.linalg.cholesky(np.linalg.inv(precision)))

@@ -122,7 +122,7 @@ def posterior_cost(campaign: Campaign, rho: np.ndarray, blur: float = 0.0, tempe
     if not campaign.recordings:
         return prior
     with np.errstate(over="ignore", invalid="ignore"):  # a draw that diverged
-        errors = _blurred(campaign, _errors(campaign, rho), blur)
+        errors = _blurred(campaign, whitened_errors(campaign, rho), blur)
         squares = (errors.reshape(len(rho), -1) ** 2).sum(1) / (2 * temper)
     return np.where(np.isfinite(squares), squares, np.inf) + prior
 
@@ -139,8 +139,8 @@ def _draws(campaign: Campaign, count: int, carried: Sequence[Mode], rng: np.rand
     return campaign.clip(np.vstack([[campaign.guess], [m.rho for m in carried], laplace, near, wide]))
 
 
-def _errors(campaign: Campaign, rho: np.ndarray) -> np.ndarray:
-    """Predicted less measured, whitened, one row per rho and experiment: (n * r, T * ny)."""
+def whitened_errors(campaign: Campaign, rho: np.ndarray) -> np.ndarray:
+    """Predict a campaign's errors: predicted less measured, whitened, one row per rho and experiment, (n r, T ny)."""
     rows, designs = _pairs(campaign, rho)
     predicted = forecaster(campaign.system).forecast(rows, designs).measurement
     return predicted - np.tile(campaign.measured, (len(rho), 1))

@@ -148,16 +148,16 @@ def _act(tops: list[Axes], bottoms: list[Axes], scenes: dict[str, Scene], step: 
     for ax, below, (name, scene) in zip(tops, bottoms, scenes.items(), strict=True):
         actors: list[tuple[Axes, Artist]] = []
         if name != "recorded":
-            actors += _bodies(ax, scenes["recorded"], step, INK, GHOST, view)
-        actors += _bodies(ax, scene, step, COLOURS[name], 0.85, view)
+            actors += draw_moving(ax, scenes["recorded"], step, INK, GHOST, view)
+        actors += draw_moving(ax, scene, step, COLOURS[name], 0.85, view)
         actors.append((below, below.axvline(scene.time[step], color=INK, linewidth=1)))
         for stage, actor in actors:
             stage.draw_artist(actor)
             actor.remove()
 
 
-def _bodies(ax: Axes, scene: Scene, step: int, colour: str, alpha: float, view: View) -> list[tuple[Axes, Artist]]:
-    """What moves at one step, or dots in its place where it is too small to be seen; nothing where it has left."""
+def draw_moving(ax: Axes, scene: Scene, step: int, colour: str, alpha: float, view: View) -> list[tuple[Axes, Artist]]:
+    """Draw what moves at one step, or dots in its place where it is too small to be seen; nothing where it has left."""
     places = scene.position[step][np.ix_(geoms(scene), scene.axes)]
     if np.abs(places - (view.low + view.high) / 2).max() > FAR * view.extent.max():
         return []

@@ -29,7 +29,7 @@ def pruned(search, fit: Smoothed, missing: np.ndarray, floor: float = SHARE) -> 
         bars = {i: (search.left(fit), REFINES) for i in parts}
         kept = [
             i for i, law in enumerate(fit.placed)
-            if law.name in before or _bears(regression, i, *bars.get(i, (missing, floor)))
+            if law.name in before or bears(regression, i, *bars.get(i, (missing, floor)))
         ]  # fmt: skip
         if len(kept) == len(fit.placed):
             return fit
@@ -56,7 +56,8 @@ def simplified(search) -> Smoothed:
     return fit
 
 
-def _bears(regression: Regression, place: int, missing: np.ndarray, floor: float) -> bool:
+def bears(regression: Regression, place: int, missing: np.ndarray, floor: float) -> bool:
+    """Tell whether the effect number `place` bears its share `floor` of what is missing, squared, (nv,)."""
     fit = regression.smoothed
     own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)]
     found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]

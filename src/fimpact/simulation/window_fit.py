@@ -80,7 +80,7 @@ def fit_windows(
     fit = Fit(windows, given, noise, np.zeros_like(given.sd), none, none[:, 0], windows.measured)
     fit, open_ = _simulated(fit, simulator, hypothesis, fit.change), np.arange(len(given.sd))
     for _ in range(STEPS):
-        part = _sloped(_part(fit, open_), simulator, hypothesis)
+        part = with_slopes(_part(fit, open_), simulator, hypothesis)
         part, curved = _stepped(part, simulator, hypothesis)
         fit, open_ = _filled(fit, part, open_), open_[curved]
         if not len(open_):
@@ -137,8 +137,8 @@ def _simulated(fit: Fit, simulator: Simulator, hypothesis: Hypothesis, change: n
     return replace(moved, left=left, predicted=predicted)
 
 
-def _sloped(fit: Fit, simulator: Simulator, hypothesis: Hypothesis) -> Fit:
-    """The fit with slopes by differences around its change."""
+def with_slopes(fit: Fit, simulator: Simulator, hypothesis: Hypothesis) -> Fit:
+    """Return the fit with slopes by differences around its change."""
     count, size = fit.change.shape
     nudge, rows = np.clip(NUDGE * fit.given.sd, *NUDGES), np.repeat(np.arange(count), size)
     moves = np.eye(size)[None] * nudge[:, None]

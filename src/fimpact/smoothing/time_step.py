@@ -52,7 +52,7 @@ def refined(
             apart = can_touch(finer.model) and not touching(finer, states).any()
             finer = Track(Simulator(recording, refine, apart), runs) if apart else finer
         if track is not None:
-            errors.append(_error(track, finer, states, noise, placed))
+            errors.append(halving_error(track, finer, states, noise, placed))
             if errors[-1] < DOUBT:
                 return _in_contact(track), states
         # The error of a contact goes with the step: where the finest is not fine enough, none in between is asked.
@@ -80,8 +80,9 @@ def _in_contact(track: Track) -> Track:
     return Track(simulator, track.runs, fine // coarse)
 
 
-def _error(track: Track, finer: Track, states: States, noise: np.ndarray, placed: Sequence[Placed]) -> float:
-    """By how much of what the model misses half the time step moves readings a sample later, root mean square."""
+def halving_error(track: Track, finer: Track, states: States, noise: np.ndarray, placed: Sequence[Placed]) -> float:
+    """Measure how far half the time step moves readings a sample later, in parts of what the model misses, root mean
+    square."""
     ends = []
     for own in (track, finer):
         still = np.zeros_like(states.qvel), np.ones_like(states.qvel)

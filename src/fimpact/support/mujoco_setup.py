@@ -20,12 +20,12 @@ def hush() -> None:
 def clock() -> ctypes.c_void_p:
     """Address of what the profiler asks for the time, to be written; of no consequence where it is not found."""
     try:
-        return ctypes.c_void_p.in_dll(ctypes.CDLL(_library()), "mjcb_time")
+        return ctypes.c_void_p.in_dll(ctypes.CDLL(library_path()), "mjcb_time")
     except (OSError, ValueError):
         return ctypes.c_void_p()
 
 
-def _library() -> str:
-    """Path of the library that the bindings have loaded; "" is none."""
+def library_path() -> str:
+    """Find the path of the library that the bindings have loaded; "" is none."""
     found = sorted(Path(mujoco.__file__).parent.glob("*mujoco*.*"))
     return next((str(path) for path in found if path.suffix in (".dll", ".dylib") or ".so" in path.suffixes), "")

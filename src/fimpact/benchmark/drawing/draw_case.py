@@ -92,7 +92,7 @@ def _draw(rng, index, kind, system, target, attempt, seed):
     if kind == "twin":
         rival, cosine, left = _rival(rng, stage, choice, forms[1][0], traces[0])
         shown |= {"cosine": cosine, "left": left}
-    if kind == "single" and _must_be_hidden(index, system) and attempt < MUST_BE_HIDDEN and shown["kappa"] < HIDDEN:
+    if kind == "single" and must_be_hidden(index, system) and attempt < MUST_BE_HIDDEN and shown["kappa"] < HIDDEN:
         raise Unfit("not hidden enough")
     effects = tuple(planted(stage, site, t, name) for (name, site), t in zip(choice, traces, strict=False))
     truth = Truth(kind=kind, system=rig.name, effects=effects, rival=rival, seed=seed, **shown, **nuisance)
@@ -122,8 +122,8 @@ def _pool(shelf, rigs) -> list[tuple[Rig, str]]:
     return [(rig, name) for name, p in shelf.items() for rig in rigs if rig.name in p.sites]
 
 
-def _must_be_hidden(index: int, system: str | None) -> bool:
-    """Whether this draw must be well hidden: every other one, and other effects in every pass through the pool."""
+def must_be_hidden(index: int, system: str | None) -> bool:
+    """Tell whether this draw must be well hidden: every other one, and other effects in every pass through the pool."""
     rigs = [rig_of(system)] if system else list(RIGS.values())
     turn, place = divmod(index, len(_pool(PLANTS, rigs)))
     return bool((place + turn) % 2)

@@ -83,7 +83,7 @@ def calibration_curve(cases: pd.DataFrame, stem: Path | str) -> None:
         figure, ax = plt.subplots(figsize=(WIDTH / 2 + 0.4, 3.6))
         ax.plot([0, 1], [0, 1], color=MUTED, linewidth=0.8, zorder=0)
         if len(stated):
-            _bins(ax, calibration(stated))
+            draw_bins(ax, calibration(stated))
             ax.set_title(f"Calibration error {error_of(stated):.3f} over {len(stated)} named answers")
         ax.set(xlabel="stated confidence", ylabel="right (95 % interval)", xlim=(-0.02, 1.04), ylim=(-0.1, 1.04))
         for axis in (ax.xaxis, ax.yaxis):
@@ -91,7 +91,8 @@ def calibration_curve(cases: pd.DataFrame, stem: Path | str) -> None:
         write(figure, stem)
 
 
-def _bins(ax: Axes, table: np.ndarray) -> None:
+def draw_bins(ax: Axes, table: np.ndarray) -> None:
+    """Draw each bin of a calibration and its count: mean confidence, share right, answers, (bins, 3)."""
     counts = [(round(share * n), int(n)) for _, share, n in table]
     _whiskers(ax, table[:, 0], counts, OURS, "o", "-")
     place = -1.0

@@ -54,7 +54,7 @@ def compiled(tree: ElementTree.Element, path: Path) -> mujoco.MjModel:
     xml = ElementTree.tostring(tree, encoding="unicode")
     parts = sorted(_parts(tree), reverse=True)
     if sum(size for size, _ in parts) > 1.0:
-        _try_in_child(xml, path, parts[0][1])
+        try_in_child(xml, path, parts[0][1])
     try:
         return without_visuals(mujoco.MjSpec.from_string(xml)).compile()
     except Exception as error:
@@ -112,7 +112,12 @@ def _bytes(tree: ElementTree.Element, element: ElementTree.Element, file: str) -
     return float(place.stat().st_size)
 
 
-def _try_in_child(xml: str, path: Path, most: str) -> None:
+def try_in_child(xml: str, path: Path, most: str) -> None:
+    """Compile a model in a process of its own, which may die of it.
+
+    Raises:
+        CaseError: it died, or took too long.
+    """
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     try:
         tried = subprocess.run(

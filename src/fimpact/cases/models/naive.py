@@ -49,7 +49,7 @@ def read_model(path: Path) -> Naive:
         )
     _include(tree, path, (path.resolve(),))
     _absolute_assets(tree, path.resolve().parent)
-    _name_free_joints(tree)
+    name_free_joints(tree)
     check_numbers(tree, path)
     naive = Naive(path, tree, compiled(tree, path))
     check_model(naive.model, path)
@@ -145,8 +145,11 @@ def _absolute_assets(tree: ElementTree.Element, folder: Path) -> None:
     ElementTree.SubElement(tree, "compiler", dirs)
 
 
-def _name_free_joints(tree: ElementTree.Element) -> None:
-    # Which body is free needs no name in an MJCF; starts, states and effects are told apart by the joint's.
+def name_free_joints(tree: ElementTree.Element) -> None:
+    """Name each free joint that has no name after its body.
+
+    Which body is free needs no name in an MJCF; starts, states and effects are told apart by the joint's.
+    """
     taken = {joint.get("name") for tag in ("joint", "freejoint") for joint in tree.iter(tag)}
     for number, body in enumerate(tree.iter("body"), 1):
         name = f"{body.get('name') or f'body {number}'} free"

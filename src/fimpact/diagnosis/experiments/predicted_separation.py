@@ -55,7 +55,7 @@ def separations(known: PriorKnowledge, ctrl: np.ndarray, qpos: np.ndarray, qvel:
     columns = (columns / scale[:, None]).reshape(len(ctrl), len(information), -1)
     found = []
     for one, other in combinations(predicted, 2):
-        found.append(_left(((one - other) / scale).reshape(len(ctrl), -1), columns, information))
+        found.append(non_absorbed(((one - other) / scale).reshape(len(ctrl), -1), columns, information))
     return np.where(np.isfinite(found), found, 0.0).T
 
 
@@ -132,8 +132,9 @@ def _pushing(sd: np.ndarray, samples: int, period: float) -> Placed:
     return Placed(effect, "all", {})
 
 
-def _left(difference: np.ndarray, columns: np.ndarray, information: np.ndarray) -> np.ndarray:
-    """Squares of `difference` (n, m) that are left, (n,), when `columns` (n, c, m) absorb what `information` allows.
+def non_absorbed(difference: np.ndarray, columns: np.ndarray, information: np.ndarray) -> np.ndarray:
+    """Sum the squares of `difference` (n, m), (n,), that are left when `columns` (n, c, m) absorb what `information`
+    allows.
 
     No piece of a run counts for more than `MOST`: a wild motion magnifies a difference, and with it all that hides it.
     """

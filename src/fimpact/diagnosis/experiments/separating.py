@@ -77,7 +77,7 @@ def discriminate(
     pool = np.concatenate([drawn[:third], allowed.shrink(rng, drawn[third:]), allowed.draw(rng, third, waves=True)])
     found = np.concatenate([value(part) for part in np.array_split(pool, 3)])
     random, at = float(np.median(found[:third].min(1))), np.argmax(utility(found))
-    best, pairs = _search(value, allowed, pool[at], found[at], seed)
+    best, pairs = best_design(value, allowed, pool[at], found[at], seed)
     return Experiment(*allowed.unpack(best), recording.period, pairs, random)
 
 
@@ -87,10 +87,10 @@ def utility(pairs: np.ndarray) -> np.ndarray:
     return (pairs / (pairs + NEEDED)).mean(1)
 
 
-def _search(
+def best_design(
     value, allowed: DesignSpace, best: np.ndarray, pairs: np.ndarray, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The design of most utility and its separations, from `best` on, whose own are `pairs`."""
+    """Search the design of most utility, and its separations, from `best` on, whose own are `pairs`."""
     span, most = np.maximum(allowed.high - allowed.low, 1e-9), utility(pairs[None])[0]
     box = np.tile([0.0, 1.0], (len(span), 1))
     cma = CMA((best - allowed.low) / span, SPREAD, box, seed=seed, population_size=POPULATION)

@@ -113,7 +113,7 @@ class Planner:
             for stage in (np.sqrt(last * target), target) if halfway else (target,):
                 begun = self.simulate(design, rho, stage, units) if halfway else ahead
                 most = iterations * (CLOSING if stage == eps[-1] else 1)
-                design, motion, tried, told = self._stage(design, begun, rho, stage, most, units)
+                design, motion, tried, told = self.stage(design, begun, rho, stage, most, units)
                 designs += tried
                 statuses.append(told["return_status"])
                 spent += told["iter_count"]
@@ -135,8 +135,8 @@ class Planner:
             iterations=spent,
         )
 
-    def _stage(self, design, motion, rho, eps, most, units) -> tuple[np.ndarray, Motion, list[np.ndarray], dict]:
-        """Design and motion of one stage, from those given; the designs after each burst; IPOPT's last statistics.
+    def stage(self, design, motion, rho, eps, most, units) -> tuple[np.ndarray, Motion, list[np.ndarray], dict]:
+        """Solve one stage: its design and motion, from those given; the designs after each burst; IPOPT's statistics.
 
         Motions are simulated, so that their equations hold whatever IPOPT left of them; a design that then gathers less
         than the one before is not taken. Rigid contact has information in small smooth pieces, and a burst that leaves
@@ -146,7 +146,7 @@ class Planner:
         settings, tried, spent, reach = np.concatenate([rho, [eps], units.ravel("F")]), [], 0, FAR
         while True:
             started, burst = self.programme.pack(design, motion), min(BURST, most - spent)
-            variables, told = self._solve(started, settings, burst, reach)
+            variables, told = self.solve(started, settings, burst, reach)
             spent += told["iter_count"]
             found, before = self.programme.design(variables), motion.information
             made = self.simulate(found, rho, eps, units)
@@ -167,7 +167,8 @@ class Planner:
         a = self.affine
         return a.start + a.start_slope @ design, a.controls + a.controls_slope @ design
 
-    def _solve(self, start: np.ndarray, settings: np.ndarray, iterations: int, reach: float) -> tuple[np.ndarray, dict]:
+    def solve(self, start: np.ndarray, settings: np.ndarray, iterations: int, reach: float) -> tuple[np.ndarray, dict]:
+        """Solve one burst: the variables, at most `reach` from the design they start with, and IPOPT's statistics."""
         programme, solver = self.programme, self._solver(iterations)
         low, high = np.full(programme.size, -np.inf), np.full(programme.size, np.inf)
         inputs = start[: programme.designs]

@@ -53,12 +53,12 @@ def _inverse_weights(model: mjx.Model) -> tuple[jax.Array, jax.Array]:
         return jnp.einsum("aij,aij->a", jacobian, jnp.linalg.solve(mass, jacobian)) / 3.0
 
     own = jnp.diag(jnp.linalg.inv(mass))
-    alike = jnp.asarray(_alike(model))
+    alike = jnp.asarray(average_of_joint(model))
     return jnp.stack([jnp.zeros(2)] + [weights(body) for body in range(1, model.nbody)]), alike @ own
 
 
-def _alike(model: mjx.Model) -> np.ndarray:
-    # Averages over the three translations of a free joint and the three rotations of a free or ball joint, (nv, nv).
+def average_of_joint(model: mjx.Model) -> np.ndarray:
+    """Average over the three translations of a free joint and the three rotations of a free or ball joint, (nv, nv)."""
     kind, joint = model.jnt_type[model.dof_jntid], model.dof_jntid
     turns = np.arange(model.nv) - model.jnt_dofadr[joint] >= 3
     together = (joint[:, None] == joint) & (turns[:, None] == turns) & np.isin(kind, SEVERAL)

@@ -38,11 +38,11 @@ def configure() -> None:
 def cache_folder() -> Path:
     """Folder of compiled programs for this CPU and jax version; created by jax on first use."""
     root = os.environ.get("FIMPACT_CACHE") or Path.home() / ".cache" / "fimpact"
-    return Path(root) / hashlib.sha256(f"{_cpu()} jax-{version('jax')}".encode()).hexdigest()[:12]
+    return Path(root) / hashlib.sha256(f"{processor()} jax-{version('jax')}".encode()).hexdigest()[:12]
 
 
-def _cpu() -> str:
-    # Entries compiled for one CPU's instruction set are rejected, or worse, by another.
+def processor() -> str:
+    """Describe this processor and its instruction set: what is compiled for another's is rejected, or worse."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []
     flags = [line for line in lines if line.startswith(("model name", "flags", "Features"))]
