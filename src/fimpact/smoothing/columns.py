@@ -8,6 +8,7 @@ predicts: the applied torque is an output, and a column of it would explain ever
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -89,20 +90,14 @@ def _unit(candidate: Candidate, amplitude: int) -> Placed:
 
 def changes(smoothed: Smoothed, laws: Sequence[Placed], known: Simulated | None = None) -> list[Change]:
     """What each of `laws` does beside the plant of a smoothed recording."""
-    made, track = _Maker(smoothed), smoothed.track
-    acting = [i for i, law in enumerate(laws) if law.effect.enters in ACTING]
-    acts = acts_of(track, [laws[i] for i in acting], smoothed.states, smoothed.tau, smoothed.doubt)
-    found = {
-        i: replace(made.response.nothing(), force=force, readings=readings)
-        for i, (force, readings) in zip(acting, acts, strict=True)
-    }
-    if known is None or not track.long:
-        return [found[i] if i in found else made(law) for i, law in enumerate(laws)]
+    known = known or Simulated(truly=True)
     known.along(smoothed)
-    simulated = [law.effect.enters in ("model", "command") for law in laws]
-    for i in [i for i in range(len(laws)) if i not in found]:
-        found[i] = known.change(laws[i], made, made.rough) if simulated[i] else made(laws[i])
-    return [found[i] for i in range(len(laws))]
+    made = _Maker(smoothed)
+    acting = [law for law in laws if law.effect.enters in ACTING and not known.holds(law)]
+    acts = acts_of(smoothed.track, acting, smoothed.states, smoothed.tau, smoothed.doubt)
+    for law, (force, readings) in zip(acting, acts, strict=True):
+        known.keep(law, replace(made.response.nothing(), force=force, readings=readings))
+    return [known.change(law, made, made.rough) for law in laws]
 
 
 def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Columns:
@@ -148,11 +143,17 @@ class _Maker:
         given = self.plant.ctrl
         self.told = replace(given, values=predicted_commands(self.track, given.values, smoothed.tau))
 
-    def rough(self, placed: Placed) -> Change:
-        """Of one effect, as a fit's derivatives are taken."""
+    @cached_property
+    def _roughly(self) -> "_Maker":
         own = copy.copy(self)
+        own.response = Response(self.plant, self.smoothed.states, self.smoothed.tau, self.response.inverse, True)
         own.roughly = True
-        return own(placed)
+        return own
+
+    def rough(self, placed: Placed) -> tuple[Change, bool]:
+        """Of one effect at the model's own time step, and whether that took a simulation."""
+        before = self._roughly.response.simulated
+        return self._roughly(placed), self._roughly.response.simulated > before
 
     def __call__(self, placed: Placed) -> Change:
         """Of one effect."""

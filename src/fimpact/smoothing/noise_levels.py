@@ -10,7 +10,6 @@ import numpy as np
 
 from fimpact.deciding import FALL, SWITCH, TIED
 from fimpact.effects.touching import can_touch
-from fimpact.smoothing.dynamics.laws import touching
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
 
@@ -94,7 +93,7 @@ def in_modes(track: Track, states: States, tau: np.ndarray, levels: Levels) -> L
     """Contact modes anew: flight, stance, and the few samples about a change of the two."""
     if not can_touch(track.model):
         return levels
-    now = touching(track, states)
+    now = track.touching(states)
     mode = np.where(now, STANCE, FLIGHT)
     for rows in track.slices():
         for at in rows.start + 1 + np.flatnonzero(now[rows][1:] != now[rows][:-1]):

@@ -9,7 +9,6 @@ import numpy as np
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.state_guess import measured_motion, noise_level
-from fimpact.smoothing.dynamics.laws import touching
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.servo_lag import Way, lateness
 from fimpact.smoothing.states import States
@@ -40,7 +39,7 @@ class Prepared:
         if not own.apart or not others:
             return own
         track = Track(self.simulator, others)
-        return self.simulator if touching(track, measured_states(track, self.noise)).any() else own
+        return self.simulator if track.touching(measured_states(track, self.noise)).any() else own
 
 
 def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> Prepared:

@@ -1,4 +1,4 @@
-"""What laws do where all of them must be simulated: roughly at first, and truly where it matters."""
+"""What laws do along a trajectory, simulated roughly at first, and truly where it matters."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,13 +8,14 @@ from fimpact.smoothing.smoother import Smoothed
 
 
 class Simulated:
-    """What was simulated for columns of one track, where a sample is long and so all edits of the model are.
+    """What laws do, for columns of one track.
 
-    At first each is simulated roughly, or stands from an earlier trajectory: enough to say what is worth more. `renew`
-    asks for the true ones.
+    What must be simulated is simulated roughly at first, or stands from an earlier trajectory: enough to say what is
+    worth more. `renew` asks for the true ones. truly: all are, at once.
     """
 
-    def __init__(self):
+    def __init__(self, truly: bool = False):
+        self.truly = truly
         self.of: Smoothed | None = None
         self.rough: dict[str, Change] = {}
         self.true: dict[str, Change] = {}
@@ -23,22 +24,41 @@ class Simulated:
     def along(self, smoothed: Smoothed) -> None:
         """Forget what is true of another trajectory."""
         if smoothed is not self.of:
-            self.rough |= self.true
             self.of, self.true, self.wanted = smoothed, {}, set()
+
+    def holds(self, law: Placed) -> bool:
+        """Whether it is known already what `law` truly does."""
+        return _key(law) in self.true
+
+    def keep(self, law: Placed, change: Change) -> None:
+        """Take it that this is what `law` truly does."""
+        self.true[_key(law)] = change
 
     def renew(self, laws: Sequence[Placed]) -> bool:
         """Whether any of these laws is but rough yet; then it is wanted."""
-        self.wanted = ({_key(law) for law in laws} & set(self.rough)) - set(self.true)
+        self.wanted = {_key(law) for law in laws} - set(self.true)
         return bool(self.wanted)
 
-    def change(self, law: Placed, simulate: Callable[[Placed], Change], roughly: Callable[[Placed], Change]) -> Change:
-        """What `law` does, as well as it is asked for."""
+    def change(
+        self,
+        law: Placed,
+        simulate: Callable[[Placed], Change],
+        roughly: Callable[[Placed], tuple[Change, bool]],
+    ) -> Change:
+        """What `law` does, as well as it is asked for.
+
+        Args:
+            roughly: says too whether what it finds took a simulation; what did not is true.
+        """
         key = _key(law)
-        if key in self.wanted:
-            self.true[key] = simulate(law)
-        elif key not in self.true and key not in self.rough:
-            self.rough[key] = roughly(law)
-        return self.true.get(key) or self.rough[key]
+        if key in self.true:
+            return self.true[key]
+        if self.truly or key in self.wanted:
+            self.true[key] = self.rough[key] = simulate(law)
+        elif key not in self.rough:
+            change, simulated = roughly(law)
+            (self.rough if simulated else self.true)[key] = change
+        return self.true[key] if key in self.true else self.rough[key]
 
 
 def _key(law: Placed) -> str:

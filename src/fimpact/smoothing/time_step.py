@@ -9,7 +9,6 @@ from fimpact.effects.base import Placed
 from fimpact.effects.touching import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
-from fimpact.smoothing.dynamics.laws import touching
 from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
@@ -49,7 +48,7 @@ def refined(
             continue
         if states is None:
             states = begin(finer)
-            apart = can_touch(finer.model) and not touching(finer, states).any()
+            apart = can_touch(finer.model) and not finer.touching(states).any()
             finer = Track(Simulator(recording, refine, apart), runs) if apart else finer
         if track is not None:
             errors.append(halving_error(track, finer, states, noise, placed))

@@ -20,7 +20,6 @@ from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.state_guess import Shown, noise_level, shown_by, smooth
 from fimpact.smoothing.candidates import scales_along
 from fimpact.smoothing.dynamics.inverse import Inverse
-from fimpact.smoothing.dynamics.laws import touching
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.parameters import Parameter
 from fimpact.smoothing.prepare import measured_states, spread_out
@@ -75,7 +74,7 @@ def look(recording: Recording, catalogue: Iterable[Effect] | None = None) -> Sig
     states = measured_states(track, noise)
     doubt, jolt = _noise_alone(track, noise)
     still = np.sqrt(np.mean(states.qvel**2, 0)) <= BELIEF * doubt
-    free = ~touching(track, states) if can_touch(model) else np.ones(track.count, bool)
+    free = ~track.touching(states) if can_touch(model) else np.ones(track.count, bool)
     if free.sum() < len(free) / 2:
         return "something touches most of the time"
     motion = _motion(track, states, doubt, still, free)

@@ -224,14 +224,3 @@ def _turned(track: Track, laws: Sequence[Placed], shafts: Sequence[Shaft]) -> li
         out[0, :, k], out[1, :, k], out[2, :, k], out[3, :, k] = now.pull, now.inertia, now.lead, now.rate
     parts = np.split(out, len(laws), 1)
     return [np.stack([track.gathered(own) for own in part]) for part in parts]
-
-
-def touching(track: Track, states: States) -> np.ndarray:
-    """Whether anything touches, (N,), at the start of each sample or at its end."""
-    data, model = mujoco.MjData(track.model), track.model
-    now = np.zeros(track.count, bool)
-    for k, qpos in enumerate(states.qpos):
-        data.qpos[:] = qpos
-        mujoco.mj_fwdPosition(model, data)
-        now[k] = data.ncon > 0
-    return now

@@ -58,14 +58,20 @@ class Change:
 
 
 class Response:
-    """What changes of `plant` do along `states` with the missing force `tau`, (N, nv)."""
+    """What changes of `plant` do along `states` with the missing force `tau`, (N, nv).
 
-    def __init__(self, plant: Plant, states: States, tau: np.ndarray, inverse: Inverse | None = None):
-        self.plant, self.states, self.tau = plant.plain, states, tau
+    coarsely: what is asked for roughly is judged at the model's own time step, in contact too.
+    """
+
+    def __init__(
+        self, plant: Plant, states: States, tau: np.ndarray, inverse: Inverse | None = None, coarsely: bool = False
+    ):
+        self.plant, self.states, self.tau, self.coarsely = plant.plain, states, tau, coarsely
         self.track = plant.track
         self.long = is_long(plant.model, self.track.period)
         self.inverse = inverse or Inverse(self.track, states)
         self._told: tuple[Commands, bool, Step] | None = None
+        self.simulated = 0  # changes so far that took a simulation
 
     @cached_property
     def near(self) -> Step:
@@ -81,7 +87,7 @@ class Response:
     def _rough(self, plant: Plant) -> Plant:
         """`plant` at the step at which a fit's derivatives are taken: the model's own, but for contact, which has no
         order. Where a fit ends, they hardly count; what a column says is read off them."""
-        return plant.plain if can_touch(plant.model) else plant.coarse
+        return plant.plain if can_touch(plant.model) and not self.coarsely else plant.coarse
 
     def slopes(self, spread: np.ndarray | None = None) -> Slopes:
         """Derivatives by state and missing force: one simulation of all samples for each coordinate, at the model's own
@@ -132,6 +138,7 @@ class Response:
         if told is not None:
             plant, near = replace(plant, ctrl=told), self._under(told, roughly)
         judged = self._rough(plant) if roughly else plant.plain
+        self.simulated += 1
         found = judged.step(self.states, self.tau * heavier(plant.model, self.plant.model))
         nothing = self.nothing()
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)

@@ -22,6 +22,7 @@ from fimpact.smoothing.dynamics.sampled_commands import Commands, sharp
 from fimpact.smoothing.states import States, Tangent, tangent
 
 LONG = 256  # samples that a law with a memory is given to gather it
+SHAPE = ("geom_pos", "geom_quat", "geom_size", "pair_margin", "body_pos", "body_quat")  # of what may touch
 ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
 
 
@@ -31,6 +32,12 @@ class Step:
 
     after: States
     readings: np.ndarray
+
+    def put(self, rows: np.ndarray, other: "Step") -> None:
+        """Take these rows from another."""
+        for name in ("qpos", "qvel", "act"):
+            getattr(self.after, name)[rows] = getattr(other.after, name)
+        self.readings[rows] = other.readings
 
 
 class Track:
@@ -54,6 +61,7 @@ class Track:
         self.run_of = np.repeat(np.arange(len(runs)), self.lengths)
         self.steps = 0  # simulated so far
         self._believed: tuple[np.ndarray, tuple] | None = None
+        self._touching: tuple[States | None, list[np.ndarray], np.ndarray] = None, [], np.zeros(0, bool)
         self._given: dict[str, Commands] = {}  # as laws changed them last, and the time before
         self.time = np.concatenate([np.arange(length) * self.period for length in self.lengths])
 
@@ -139,15 +147,48 @@ class Track:
         """One sample ahead of each state under `ctrl` and `force` (N, nv).
 
         Args:
-            models: the plant at the time step, and where the step's error is to be taken out, at a finer one.
+            models: the plant at the time step, and where the step's error is to be taken out, at half of it, and at a
+                finer one for samples in contact, which have no order.
         """
+        touched = self._in_contact(states, models[0]) if len(models) > 2 else np.zeros(len(states), bool)
+        if not touched.any():
+            return self._extrapolated(models[:2], states, ctrl, force)
+        out = Step(
+            States(*map(np.copy, (states.qpos, states.qvel, states.act))),
+            np.empty((len(states), len(self.recording.channels))),
+        )
+        for rows, own in ((touched, models[2:]), (~touched, models[:2])):
+            if rows.any():
+                out.put(rows, self._extrapolated(own, states[rows], ctrl[rows], force[rows]))
+        return out
+
+    def _extrapolated(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force) -> Step:
+        """At the step of a model, or at no step at all: what half of it changes is added once more (Richardson)."""
         least = round(self.period / models[0].opt.timestep)
-        if len(models) == 1 or can_touch(self.model):
-            return self._ahead(models[-1], states, ctrl, force, least)
         ends = [self._ahead(model, states, ctrl, force, least) for model in models]
-        # Richardson: what half the step changes is added once more
+        if len(ends) == 1:
+            return ends[0]
         after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
         return Step(after, ends[0].readings)
+
+    def touching(self, states: States, model: mujoco.MjModel | None = None) -> np.ndarray:
+        """Whether anything touches in each state, (N,), under `model`, default: the track's own."""
+        model = model or self.model
+        shape = [np.asarray(getattr(model, name)) for name in SHAPE]
+        if self._touching[0] is not states or not all(map(np.array_equal, shape, self._touching[1])):
+            data, now = mujoco.MjData(model), np.zeros(len(states), bool)
+            for k, qpos in enumerate(states.qpos):
+                data.qpos[:] = qpos
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_collision(model, data)
+                now[k] = data.ncon > 0
+            self._touching = states, [own.copy() for own in shape], now
+        return self._touching[2]
+
+    def _in_contact(self, states: States, model: mujoco.MjModel) -> np.ndarray:
+        """Whether anything touches at either end of each sample, (N,)."""
+        now = self.touching(states, model)
+        return now | np.append(now[1:], False) & ~self.last
 
     @property
     def quanta(self) -> float:
@@ -171,13 +212,17 @@ class Track:
         return self.simulator.advance(model, *now, still)[3]
 
     def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, ...]:
-        """`model`, and the same at the finer time step that takes the step's error out: half of it, from which it is
+        """`model`, and the same at finer time steps that take the step's error out: half of it, from which it is
         extrapolated, and where something may touch, which has no order, as fine as is worth it."""
-        finer = copy.copy(model)
-        finer.opt.timestep /= self.finer if can_touch(self.model) else 2
-        if self.long:
-            stop_within_a_step(finer)
-        return (model,) if finer.opt.timestep == model.opt.timestep else (model, finer)
+        touched = can_touch(self.model)
+        if touched and self.finer == 1:
+            return (model,)
+        finer = [copy.copy(model) for _ in range(1 + touched)]
+        for own, parts in zip(finer, (2, self.finer), strict=False):
+            own.opt.timestep /= parts
+            if self.long:
+                stop_within_a_step(own)
+        return model, *finer
 
     def model_of(self, placed: Sequence[Placed], theta: np.ndarray) -> mujoco.MjModel:
         """The model of a hypothesis, laws left out."""
