@@ -9,7 +9,7 @@ from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE, UN
 from fimpact.effects.base import Effect, Placed
 from fimpact.effects.wiring import has_servos
 from fimpact.selection.one_round import Round, Trial, search
-from fimpact.selection.options import Option, options
+from fimpact.selection.options import Option, options, with_parts
 from fimpact.selection.pruning import pruned
 from fimpact.selection.refit_start import begun, held_by, with_held
 from fimpact.selection.regression import Regression
@@ -71,6 +71,10 @@ class Search:
         names = {p.name for p in self.current.placed} | self.dropped | self.weak
         return [c for c in self.candidates if c.name not in names and not self._is_sum(c)]
 
+    def held_back(self) -> list[Candidate]:
+        """Parts of whole drives that were left out beside what is in."""
+        return [c for c in self.candidates if c.name in self.weak & self.parts]
+
     def _refines(self, candidate: Candidate) -> bool:
         """Whether it is a refinement of what is in."""
         families = {p.effect.name for p in self.current.placed}
@@ -112,8 +116,12 @@ class Search:
         return found
 
     def offered(self, tried: Sequence[Candidate]) -> list[Option]:
-        """Options of what is tried, without those that failed or are not to be asked."""
-        found = self.limits.options(options(self.track.model, self.track.recording.channels, tried))
+        """Options of what is tried, without those that failed or are not to be asked; what is held back comes last
+        there, and only with another."""
+        model, held = self.track.model, [i for i, c in enumerate(tried) if c.name in self.weak]
+        found = options(model, self.track.recording.channels, tried[: len(tried) - len(held)])
+        found = self.limits.options(found)
+        found += with_parts(model, found, tried, held)
         return [option for option in found if option.name not in self.failed]
 
     def _without_second_gears(self, tried: Sequence[Candidate]) -> list[Option]:
@@ -140,7 +148,7 @@ class Search:
         if self.first and self.first[0].smoothed is self.current:
             regression, found = self.first
         else:
-            regression, found = self.searched(self.open(), self.missing, SHARE)
+            regression, found = self.searched([*self.open(), *self.held_back()], self.missing, SHARE)
         self.first, self.asked = None, regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 
 from fimpact.effects.classes import classes
+from fimpact.effects.wiring import ON_JOINT
 from fimpact.smoothing.candidates import Candidate
 
 
@@ -34,3 +35,32 @@ def options(model: mujoco.MjModel, channels: Sequence[str], candidates: Sequence
             listed.add(members)
     alone = [Option(c.name, c.effect.order, (i,)) for i, c in enumerate(candidates)]
     return found + [option for option in alone if option.members not in listed]
+
+
+def with_parts(model: mujoco.MjModel, offered: Sequence[Option], candidates: Sequence[Candidate], parts: Sequence[int]):
+    """Options of one effect at one joint, and with it all `parts`, by number, that a whole drive has there.
+
+    A drive that was fitted beside a wrong motor, load or friction has parts of its own pulled to nothing, and neither
+    they nor what had kept them out are worth much without the other.
+    """
+    found = []
+    for option in offered:
+        own = candidates[option.members[0]] if len(option.members) == 1 else None
+        joint = joint_at(model, own.site) if own else ""
+        held = tuple(i for i in parts if candidates[i].site == joint)
+        if held:
+            name = f"{option.name}, and what a drive has at {joint}"
+            found.append(Option(name, option.order, (*option.members, *held)))
+    return found
+
+
+def joint_at(model: mujoco.MjModel, site: str) -> str:
+    """Name the joint at which a site acts: itself, the first of a coupling, a motor's or a body's own; "" for none."""
+    name = site.partition("<-")[0]
+    kinds = (mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_ACTUATOR, mujoco.mjtObj.mjOBJ_BODY)
+    joint, motor, body = (mujoco.mj_name2id(model, int(kind), name) for kind in kinds)
+    if joint < 0 and motor >= 0 and model.actuator_trntype[motor] == ON_JOINT:
+        joint = int(model.actuator_trnid[motor, 0])
+    elif joint < 0 and body >= 0 and model.body_jntnum[body] == 1:
+        joint = int(model.body_jntadr[body])
+    return model.joint(joint).name if joint >= 0 else ""

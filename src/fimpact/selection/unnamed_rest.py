@@ -13,6 +13,7 @@ import numpy as np
 
 from fimpact.deciding import P_ALARM, REFINES, SHARE, UNLIKELY
 from fimpact.effects.base import Coefficient, Effect
+from fimpact.effects.touching import can_touch
 from fimpact.effects.wiring import ON_JOINT
 from fimpact.selection.one_round import search
 from fimpact.selection.options import Option
@@ -94,7 +95,7 @@ def _followed(fit: Smoothed) -> Iterator[tuple[int, str, np.ndarray]]:
         yield dof, "time", track.time
         if dof in motors:
             yield dof, "load", load[:, motors[dof]]
-        if len(fit.levels.force) > 1:
+        if can_touch(model):
             yield dof, "contact", fit.levels.mode
 
 

@@ -1,4 +1,7 @@
-"""Noise levels of a smoother: of the missing force by joint and contact mode, and of the readings.
+"""Noise levels of a smoother: of the missing force by joint and mode, and of the readings.
+
+What a joint lacks while it rests is another thing than what it lacks while it moves: where it sticks, all that friction
+holds is missing, and it must not hide what little is missing of the motion.
 
 They follow the gradient of the marginal likelihood, which the adjoint of the filter gives in one pass (Koopman,
 Biometrika 80(1), 1993; MacKay, Neural Computation 4(3), 1992).
@@ -8,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import FALL, SWITCH, TIED
+from fimpact.deciding import CONFIDENCE, FALL, SWITCH, TIED
 from fimpact.effects.touching import can_touch
+from fimpact.smoothing.dynamics.laws import expected_sign, middle, speed_doubt
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
 
@@ -19,13 +23,15 @@ FLIGHT, STANCE, CHANGE = 0, 1, 2  # contact modes
 
 @dataclass(frozen=True)
 class Levels:
-    """Noise: sd of the missing force by mode, (modes, nv), least (nv,) it may be, and mode of each sample, (N,); sd of
-    the readings, (ny,), and how much louder they are taken while a fit is annealed, (ny,). pull: derivative of the
-    marginal log likelihood by the logarithm of each force's level, (modes, nv), as they were last moved."""
+    """Noise: sd of the missing force by contact mode, of what moves and then of what rests, (2 modes, nv), least (nv,)
+    it may be, contact mode of each sample, (N,), and whether a speed is not told from zero, (N, nv); sd of the
+    readings, (ny,), and how much louder they are taken while a fit is annealed, (ny,). pull: derivative of the marginal
+    log likelihood by the logarithm of each force's level, (2 modes, nv), as they were last moved."""
 
     force: np.ndarray
     least: np.ndarray
     mode: np.ndarray
+    rests: np.ndarray
     reading: np.ndarray
     louder: np.ndarray
     pull: np.ndarray
@@ -33,7 +39,16 @@ class Levels:
     @property
     def forces(self) -> np.ndarray:
         """sd of the missing force in each sample, (N, nv)."""
-        return self.force[self.mode]
+        return np.take_along_axis(self.force, self._row, 0)
+
+    @property
+    def rows(self) -> list[np.ndarray]:
+        """Which samples and coordinates are of each row of `force`, masks (N, nv)."""
+        return [self._row == i for i in range(len(self.force))]
+
+    @property
+    def _row(self) -> np.ndarray:
+        return self.mode[:, None] + len(self.force) // 2 * self.rests
 
 
 class Pace:
@@ -63,12 +78,11 @@ def nearer(levels: Levels, begun: Levels, adjoint, errors, expected, noise, pace
     asked, (force, read) = adjoint**2, expected
     known = np.isfinite(track.measured)
     loud = _ratio((errors**2 * known).sum(0), (read * known).sum(0))
-    rows = [levels.mode == mode for mode in range(len(levels.force))]
-    ratio = np.array([_ratio(asked[r].sum(0), force[r].sum(0)) for r in rows])
+    ratio = np.array([_ratio((asked * own).sum(0), (force * own).sum(0)) for own in levels.rows])
     step = np.exp(pace(np.log(np.concatenate([ratio.ravel(), np.where(levels.louder > 1, 1.0, loud)])) / 2))
     sd = np.clip(levels.force * step[: ratio.size].reshape(ratio.shape), begun.force / FALL, begun.force * FALL)
     reading = np.clip(levels.reading * step[ratio.size :], *track.believed(noise))
-    more = np.array([asked[r].sum(0) - force[r].sum(0) for r in rows])
+    more = np.array([((asked - force) * own).sum(0) for own in levels.rows])
     return replace(levels, force=np.maximum(sd, levels.least), reading=reading, pull=levels.force**2 * more)
 
 
@@ -83,14 +97,25 @@ def _ratio(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
     return np.where(expected > 0, np.maximum(found, 1e-300) / np.maximum(expected, 1e-300), 1.0)
 
 
-def first_levels(track: Track, states: States, tau: np.ndarray, noise: np.ndarray) -> Levels:
+def first_levels(track: Track, states: States, tau: np.ndarray, doubt: np.ndarray, noise: np.ndarray) -> Levels:
+    """Levels as the force that a first trajectory lacks has them; tau, doubt: (N, nv)."""
     sd = np.sqrt(np.mean(tau**2, 0)) + 1e-12
-    levels = Levels(sd[None], LEAST * sd, np.zeros(track.count, int), noise.copy(), np.ones(len(noise)), 0 * sd[None])
-    return in_modes(track, states, tau, levels)
+    rows = np.tile(sd, (2 * (3 if can_touch(track.model) else 1), 1))
+    still = np.zeros(track.count, int), np.zeros(tau.shape, bool)
+    levels = Levels(rows, LEAST * sd, *still, noise.copy(), np.ones(len(noise)), 0 * rows)
+    levels = in_modes(track, states, doubt, levels)
+    own = [np.where(r.any(0), np.sqrt((tau**2 * r).sum(0) / np.maximum(r.sum(0), 1)) + 1e-12, sd) for r in levels.rows]
+    return replace(levels, force=np.maximum(own, levels.least))
 
 
-def in_modes(track: Track, states: States, tau: np.ndarray, levels: Levels) -> Levels:
-    """Contact modes anew: flight, stance, and the few samples about a change of the two."""
+def in_modes(track: Track, states: States, doubt: np.ndarray, levels: Levels) -> Levels:
+    """Modes anew: flight, stance, and the few samples about a change of the two; what rests, and what moves.
+
+    Args:
+        doubt: sd of the speeds, (N, nv).
+    """
+    sign = expected_sign(middle(track, states)[1], speed_doubt(track, states, doubt))
+    levels = replace(levels, rests=np.abs(sign) < CONFIDENCE)
     if not can_touch(track.model):
         return levels
     now = track.touching(states)
@@ -98,8 +123,4 @@ def in_modes(track: Track, states: States, tau: np.ndarray, levels: Levels) -> L
     for rows in track.slices():
         for at in rows.start + 1 + np.flatnonzero(now[rows][1:] != now[rows][:-1]):
             mode[max(at - SWITCH, rows.start) : min(at + SWITCH, rows.stop)] = CHANGE
-    force, pull = levels.force, levels.pull
-    if len(force) == 1:
-        own = [np.sqrt(np.mean(tau[mode == m] ** 2, 0)) + 1e-12 if (mode == m).any() else force[0] for m in range(3)]
-        force, pull = np.array(own), np.repeat(pull, 3, 0)
-    return replace(levels, mode=mode, force=np.maximum(force, levels.least), pull=pull)
+    return replace(levels, mode=mode)

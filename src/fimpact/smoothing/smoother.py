@@ -116,7 +116,7 @@ def smooth(
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
         if levels is None:
             tau = _inverse(track, linear)
-            levels = first_levels(track, states, tau, noise)
+            levels = first_levels(track, states, tau, doubt, noise)
             linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None, sign, rough, now=levels)
         loud = anneal[k] if k < len(anneal) else 1.0
         begun_levels = levels = replace(levels, louder=np.where(track.late, loud, 1.0))
@@ -162,7 +162,7 @@ def smooth(
             fixed = numbers
             grown = heavier(track.model_of(placed_of(numbers, placed), theta_of(numbers)), linear.plant.model)
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
-        levels = in_modes(track, states, tau, levels)
+        levels = in_modes(track, states, doubt, levels)
         if converged:
             break
         now = found.fit + found.cost
