@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 from recorded import rod
@@ -13,7 +14,7 @@ from fimpact.selection import forward
 from fimpact.selection.explanation import explain
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import Trial, attempt, search
-from fimpact.selection.options import Option
+from fimpact.selection.options import Option, joint_at
 from fimpact.selection.regression import Estimate, Regression
 from fimpact.selection.servo_drives import refitted_whole
 from fimpact.smoothing.candidates import Candidate
@@ -233,3 +234,47 @@ def test_no_second_gear_is_offered_where_one_gives():
     told = [state.is_second_gear(tried, Option("", 0, (i,))) for i in range(3)]
     assert told == [True, False, False]
     assert not state.is_second_gear(tried, Option("", 0, (0,)), out=[0])
+
+
+ARM_WITH_PARTS = """<mujoco><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0"/>
+<geom size="0.1"/><body name="lower" pos="0 0 -1"><joint name="elbow" axis="0 1 0"/><geom size="0.1"/>
+<body name="tool"><geom size="0.1"/></body></body></body></worldbody>
+<actuator><motor name="m1" joint="shoulder"/><motor name="m2" joint="elbow"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("site", "joint"),
+    [
+        ("elbow", "elbow"),
+        ("m1", "shoulder"),
+        ("lower", "elbow"),
+        ("elbow<-shoulder", "elbow"),
+        ("tool", ""),
+        ("q1", ""),
+    ],
+)
+def test_a_site_acts_at_its_joint(site, joint):
+    assert joint_at(mujoco.MjModel.from_xml_string(ARM_WITH_PARTS), site) == joint
+
+
+def test_what_a_drive_lost_at_a_joint_is_asked_together_with_what_may_have_kept_it_out():
+    model = mujoco.MjModel.from_xml_string(ARM_WITH_PARTS)
+    state = object.__new__(Search)
+    state.track = SimpleNamespace(model=model, recording=SimpleNamespace(channels=()))
+    state.weak, state.parts, state.failed = {"viscous@elbow", "spring@elbow"}, {"viscous@elbow"}, set()
+    state.candidates = [candidate(*own) for own in (("gain", "m1"), ("viscous", "elbow"), ("spring", "elbow"))]
+    assert [c.name for c in state.held_back()] == ["viscous@elbow"]
+    tried = [candidate("gain", "m1"), candidate("gain", "m2"), *state.held_back()]
+    offered = [option for option in state.offered(tried) if len(option.members) > 1 or "@" in option.name]
+    assert [option.members for option in offered if 2 in option.members] == [(1, 2)]
+    assert [option.members for option in offered if "," not in option.name and "@" in option.name] == [(0,), (1,)]
+
+
+def test_a_gear_that_changes_readings_alone_counts_by_what_it_foretells():
+    own, option = regression({0: 0.5}, white(1)), alone(1)[0]
+    own.columns = replace(own.columns, candidates=(candidate("backlash", "j0"),))
+    unlike = np.random.default_rng(5).standard_normal(own.columns.forces.shape)  # no force that is missing
+    own.columns = shown = replace(own.columns, forces=unlike)
+    assert tried(own, option).share < SHARE
+    own.columns = replace(shown, read=(True,))
+    assert 0.1 < tried(own, option).share < 0.3

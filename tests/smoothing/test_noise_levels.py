@@ -5,9 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from recorded import ROD, record, rod
+from recorded import ROD, record, rod, waves
 
 from fimpact.deciding import FALL, TRUSTED
+from fimpact.effects import EFFECTS
+from fimpact.smoothing.candidates import at
+from fimpact.smoothing.columns import motion_scales
 from fimpact.smoothing.filter.by_run import variances
 from fimpact.smoothing.noise_levels import Levels, Pace, moved_by, nearer
 from fimpact.smoothing.prepare import prepare
@@ -109,6 +112,32 @@ def test_the_pace_doubles_while_it_goes_the_same_way():
 
 def test_levels_that_the_likelihood_does_not_feel_do_not_count_as_moving():
     force, none = np.array([[1.0, 0.5]]), np.zeros(2)
-    levels = Levels(force, none, np.zeros(3, int), np.ones(1), np.ones(1), np.array([[-3.0, 0.5]]))
+    still = np.zeros(3, int), np.zeros((3, 2), bool)
+    levels = Levels(force, none, *still, np.ones(1), np.ones(1), np.array([[-3.0, 0.5]]))
     assert moved_by(replace(levels, force=force * [1.0, 3.0]), levels) == 0
     assert moved_by(replace(levels, force=force * [2.0, 3.0]), levels) == pytest.approx(np.log(2))
+
+
+def test_what_friction_holds_at_rest_does_not_hide_what_is_missing_of_the_motion():
+    """A rod whose friction its motor overcomes in short spells only: what it holds meanwhile is no noise of those."""
+
+    def hide(model):
+        model.dof_frictionloss[:] = 0.5
+
+    made = prepare(record(ROD, ("angle",), [waves(400, [0.5], i) for i in range(3)], 1e-3, hide))
+    naive = smooth(made.track, made.begun, made.noise)
+    own = at(EFFECTS["coulomb"], "pivot", made.track.model, motion_scales(naive))[0]
+    fit = smooth(made.track, made.begun, made.noise, [own.placed([0.5])], [own.priors], naive)
+    assert 0.2 < fit.levels.rests.mean() < 0.95
+    moves, rests = fit.levels.force[:, 0]
+    assert moves < 0.3 * rests
+    quick = np.abs(fit.states.qvel[:, 0]) > 1.0
+    assert not fit.levels.rests[quick].any()
+
+
+def test_every_sample_has_the_level_of_its_contact_and_of_its_rest():
+    force, mode = np.arange(12.0).reshape(6, 2), np.array([0, 1, 2])
+    rests = np.array([[False, True], [True, False], [False, False]])
+    levels = Levels(force, np.zeros(2), mode, rests, np.ones(1), np.ones(1), np.zeros((6, 2)))
+    np.testing.assert_array_equal(levels.forces, [[0, 7], [8, 3], [4, 5]])
+    assert sum(own.sum() for own in levels.rows) == 6

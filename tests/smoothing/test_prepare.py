@@ -55,7 +55,7 @@ def test_as_many_runs_are_fitted_as_the_case_asks_for_and_none_that_judges():
 def test_a_finer_step_is_for_predictions_where_something_may_touch():
     track = Track(Simulator(tossed().track.recording), tossed().track.runs, finer=4)
     steps = [model.opt.timestep for model in track.at_steps(track.model)]
-    assert steps == pytest.approx([0.002, 0.0005])
+    assert steps == pytest.approx([0.002, 0.001, 0.0005])
     alone = Track(track.simulator, track.runs)
     assert [model.opt.timestep for model in alone.at_steps(track.model)] == [0.002]
 
@@ -65,15 +65,29 @@ def test_where_nothing_touches_half_the_step_takes_the_error_out():
     assert [model.opt.timestep for model in track.at_steps(track.model)] == pytest.approx([0.005, 0.0025])
 
 
-def test_contact_is_predicted_at_the_finer_step_alone():
+def test_what_touches_is_predicted_at_the_finer_step_and_what_flies_is_extrapolated():
     track, (own, still) = tossed().track, plant(tossed())
+    now = track.touching(own.around)
+    touched = now | np.append(now[1:], False)
+    assert 0 < touched.sum() < 0.7 * track.count
     before = track.steps
     found = own.step(own.around, still)
-    assert track.steps - before == track.count * track.simulator.substeps * track.finer
-    fine = replace(own, models=own.models[1:]).step(own.around, still)
-    np.testing.assert_array_equal(found.after.qpos, fine.after.qpos)
+    each = np.where(touched, track.finer, 1 + 2) * track.simulator.substeps
+    assert track.steps - before == each.sum()
+    fine = replace(own, models=own.models[2:]).step(own.around, still)
+    np.testing.assert_array_equal(found.after.qpos[touched], fine.after.qpos[touched])
     rough = own.plain.step(own.around, still)
-    assert np.abs(found.after.qvel - rough.after.qvel).max() > 1e-3  # a contact feels it
+    assert np.abs(found.after.qvel - rough.after.qvel)[touched].max() > 1e-3  # a contact feels it
+    one, half = (replace(own, models=(model,)).step(own.around, still).after.qvel for model in own.models[:2])
+    np.testing.assert_allclose(found.after.qvel[~touched], (2 * half - one)[~touched], atol=1e-12)
+
+
+def test_what_touches_is_told_with_the_shape_that_a_hypothesis_gives_it():
+    track, (own, _) = tossed().track, plant(tossed())
+    small = mujoco.MjModel.from_xml_string(BALL)
+    small.geom_size[small.geom("ball").id, 0] = 0.01
+    assert track.touching(own.around).any() and not track.touching(own.around, small).any()
+    assert track.touching(own.around).any()
 
 
 def test_a_smooth_motion_is_extrapolated():

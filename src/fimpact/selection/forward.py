@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.deciding import BUDGET, MOSTLY, P_ALARM, REFINES, RIVALS, SHARE, UNLIKELY
+from fimpact.deciding import BUDGET, MOSTLY, NOTHING, P_ALARM, REFINES, RIVALS, SHARE, UNLIKELY
 from fimpact.effects.base import Effect, Placed
 from fimpact.effects.wiring import has_servos
 from fimpact.selection.one_round import Round, Trial, search
@@ -41,7 +41,8 @@ class Search:
             )
         self.scales = motion_scales(self.naive)
         self.candidates = candidates(effects, track, self.scales)
-        self.missing = (self.naive.tau**2).sum(0)
+        # Where next to nothing is missing of the force of the motion, it is no news that little takes a share of it.
+        self.missing = np.maximum((self.naive.tau**2).sum(0), track.count * (NOTHING * self.scales.force) ** 2)
         self.rounds: list[Round] = []
         self.alternatives: list[Alternative] = []
         self.dropped: set[str] = set()

@@ -55,6 +55,10 @@ class Columns:
     whole: np.ndarray | None = None
     read: tuple[bool, ...] = ()
 
+    def reads(self, column: int) -> bool:
+        """Whether a column, counted from the first candidate's, changes what is read and nothing that moves."""
+        return bool(self.read) and self.read[column]
+
     def of(self, candidate: int) -> list[int]:
         """Columns, counted from the first candidate's, of one candidate."""
         return [i for i, (owner, _) in enumerate(self.owners) if owner == candidate]

@@ -1,7 +1,7 @@
 """Noise levels of a smoother: of the missing force by joint and mode, and of the readings.
 
-What a joint lacks while it rests is another thing than what it lacks while it moves: where it sticks, all that friction
-holds is missing, and it must not hide what little is missing of the motion.
+Where friction holds a joint, all that it holds is missing, and must not hide what little is missing of the motion: what
+rests there has a level of its own.
 
 They follow the gradient of the marginal likelihood, which the adjoint of the filter gives in one pass (Koopman,
 Biometrika 80(1), 1993; MacKay, Neural Computation 4(3), 1992).
@@ -13,6 +13,7 @@ import numpy as np
 
 from fimpact.deciding import CONFIDENCE, FALL, SWITCH, TIED
 from fimpact.effects.touching import can_touch
+from fimpact.smoothing.dynamics.dry_friction import Rubbing
 from fimpact.smoothing.dynamics.laws import expected_sign, middle, speed_doubt
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
@@ -24,7 +25,7 @@ FLIGHT, STANCE, CHANGE = 0, 1, 2  # contact modes
 @dataclass(frozen=True)
 class Levels:
     """Noise: sd of the missing force by contact mode, of what moves and then of what rests, (2 modes, nv), least (nv,)
-    it may be, contact mode of each sample, (N,), and whether a speed is not told from zero, (N, nv); sd of the
+    it may be, contact mode of each sample, (N,), and whether friction may hold it, (N, nv); sd of the
     readings, (ny,), and how much louder they are taken while a fit is annealed, (ny,). pull: derivative of the marginal
     log likelihood by the logarithm of each force's level, (2 modes, nv), as they were last moved."""
 
@@ -97,25 +98,26 @@ def _ratio(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
     return np.where(expected > 0, np.maximum(found, 1e-300) / np.maximum(expected, 1e-300), 1.0)
 
 
-def first_levels(track: Track, states: States, tau: np.ndarray, doubt: np.ndarray, noise: np.ndarray) -> Levels:
-    """Levels as the force that a first trajectory lacks has them; tau, doubt: (N, nv)."""
+def first_levels(track: Track, states: States, tau: np.ndarray, noise: np.ndarray) -> Levels:
+    """Levels as the force that a first trajectory lacks, (N, nv), has them."""
     sd = np.sqrt(np.mean(tau**2, 0)) + 1e-12
     rows = np.tile(sd, (2 * (3 if can_touch(track.model) else 1), 1))
     still = np.zeros(track.count, int), np.zeros(tau.shape, bool)
     levels = Levels(rows, LEAST * sd, *still, noise.copy(), np.ones(len(noise)), 0 * rows)
-    levels = in_modes(track, states, doubt, levels)
+    levels = in_modes(track, states, levels)
     own = [np.where(r.any(0), np.sqrt((tau**2 * r).sum(0) / np.maximum(r.sum(0), 1)) + 1e-12, sd) for r in levels.rows]
     return replace(levels, force=np.maximum(own, levels.least))
 
 
-def in_modes(track: Track, states: States, doubt: np.ndarray, levels: Levels) -> Levels:
-    """Modes anew: flight, stance, and the few samples about a change of the two; what rests, and what moves.
-
-    Args:
-        doubt: sd of the speeds, (N, nv).
-    """
+def resting(track: Track, states: States, doubt: np.ndarray, rubbing: Rubbing, levels: Levels) -> Levels:
+    """What rests anew: where there is dry friction, and a speed, known to the sd `doubt`, (N, nv), is not told from
+    zero."""
     sign = expected_sign(middle(track, states)[1], speed_doubt(track, states, doubt))
-    levels = replace(levels, rests=np.abs(sign) < CONFIDENCE)
+    return replace(levels, rests=(np.abs(sign) < CONFIDENCE) & rubbing.force.any(0))
+
+
+def in_modes(track: Track, states: States, levels: Levels) -> Levels:
+    """Contact modes anew: flight, stance, and the few samples about a change of the two."""
     if not can_touch(track.model):
         return levels
     now = track.touching(states)

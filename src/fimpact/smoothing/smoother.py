@@ -18,7 +18,7 @@ from fimpact.smoothing.dynamics.linear import Linear, linearise
 from fimpact.smoothing.dynamics.response import heavier
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.filter.by_run import Filtered, variances
-from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, in_modes, moved_by, nearer
+from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, in_modes, moved_by, nearer, resting
 from fimpact.smoothing.parameters import Parameter, parameters, placed_of, theta_of
 from fimpact.smoothing.states import States
 from fimpact.smoothing.step import solve
@@ -116,7 +116,7 @@ def smooth(
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
         if levels is None:
             tau = _inverse(track, linear)
-            levels = first_levels(track, states, tau, doubt, noise)
+            levels = first_levels(track, states, tau, noise)
             linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None, sign, rough, now=levels)
         loud = anneal[k] if k < len(anneal) else 1.0
         begun_levels = levels = replace(levels, louder=np.where(track.late, loud, 1.0))
@@ -162,7 +162,9 @@ def smooth(
             fixed = numbers
             grown = heavier(track.model_of(placed_of(numbers, placed), theta_of(numbers)), linear.plant.model)
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
-        levels = in_modes(track, states, doubt, levels)
+        levels = in_modes(track, states, levels)
+        if k == 0:  # once: a speed about the bound of its doubt would go to and fro, and levels with it
+            levels = resting(track, states, doubt, linear.plant.rubbing, levels)
         if converged:
             break
         now = found.fit + found.cost
