@@ -6,6 +6,9 @@ from pathlib import Path
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # of each worker, before numpy is loaded: there is a worker for each core
 
+if os.environ.get("COVERAGE"):  # before the package is imported
+    from line_coverage import pytest_sessionfinish, pytest_terminal_summary, pytest_testnodedown  # noqa: F401
+
 import numpy as np
 import pytest
 import yaml

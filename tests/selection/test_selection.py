@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from recorded import ROD, arm, record, rod, rub, waves
 
+from fimpact.deciding import NOTHING
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
 from fimpact.selection.explanation import Explanation, explain
+from fimpact.selection.forward import Search
 from fimpact.selection.options import options
 from fimpact.selection.regression import Estimate, Regression
 from fimpact.smoothing.candidates import at
@@ -67,6 +69,14 @@ def test_an_effect_of_a_class_is_pruned_to_where_it_is():
     found = explained(arm, (0.15, 0.0))
     assert names(found) == {"coulomb@shoulder"}
     assert intervals(found)["friction of coulomb@shoulder"][0] == pytest.approx(0.15, rel=0.02)
+
+
+def test_where_next_to_nothing_is_missing_little_takes_no_share_of_it():
+    made = prepare(arm((0.15, 0.0)))
+    state = Search(made.track, made.begun, made.noise, [EFFECTS["coulomb"]], lambda line: None)
+    shoulder, elbow = state.missing / (state.naive.tau**2).sum(0)
+    assert shoulder == 1 and elbow > 10
+    assert np.sqrt(state.missing[1] / made.track.count) == pytest.approx(NOTHING * state.scales.force[1])
 
 
 def offset_rod() -> Recording:

@@ -13,12 +13,14 @@ from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
 from fimpact.selection.regression import Regression
 from fimpact.smoothing import smoother
-from fimpact.smoothing.candidates import at
-from fimpact.smoothing.columns import columns, motion_scales
+from fimpact.smoothing.candidates import at, candidates
+from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.dynamics.response import heavier
 from fimpact.smoothing.noise_levels import CHANGE, FLIGHT, STANCE
 from fimpact.smoothing.prepare import Prepared, prepare
+from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.step import Solved
 
 MOTOR = '<motor name="motor" joint="pivot"/>'
 BALL = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
@@ -188,6 +190,20 @@ def test_a_ball_that_bounces_is_followed_through_its_contacts():
     assert flight[2] < 0.01 * 0.3 * 9.81 and flight[2] < change[2]
 
 
+def test_what_must_be_simulated_in_contact_is_simulated_truly_where_it_is_asked_for_again():
+    made = bouncing()
+    fit = smooth(made.track, made.begun, made.noise)
+    tried = candidates([EFFECTS[name] for name in ("contact_stiffness", "linear_drag")], fit.track, motion_scales(fit))
+    true, known = columns(fit, tried), Simulated()
+    rough = columns(fit, tried, known)
+    same = [np.array_equal(*pair) for pair in zip(rough.innovations.T, true.innovations.T, strict=True)]
+    stiff = 1 + len(fit.numbers)
+    assert same[:stiff] == [True] * stiff and not same[stiff] and same[-1]  # what is a force along the motion is true
+    assert known.renew(units(tried[:1]))
+    np.testing.assert_array_equal(columns(fit, tried, known).innovations, true.innovations)
+    assert not known.renew(units(tried))
+
+
 def test_the_same_recording_gives_the_same_fit():
     one, other = smoothed(rod(0.05)), smoothed(rod(0.05))
     np.testing.assert_array_equal(one.tau, other.tau)
@@ -218,6 +234,20 @@ def test_no_law_of_a_reading_is_fitted_to_the_noise_of_a_smoothed_acceleration()
         return gained / dispersion
 
     assert gain(fit) < 10 < 30 < gain(replace(fit, surprise=np.zeros_like(fit.surprise)))
+
+
+def test_a_step_that_is_no_number_ends_a_fit_with_what_it_had(monkeypatch):
+    made = prepare(rod(0.15), refine=1)
+    told, moves, calls = smooth(made.track, made.begun, made.noise), Solved.moves, []
+
+    def wild(self, *own):
+        calls.append(own)
+        return np.nan if len(calls) == told.rounds else moves(self, *own)
+
+    monkeypatch.setattr(Solved, "moves", wild)
+    fit = smooth(made.track, made.begun, made.noise)
+    assert not fit.converged and fit.rounds == told.rounds
+    assert np.isfinite(fit.tau).all() and fit.chi2 == pytest.approx(told.chi2, rel=0.05)
 
 
 def test_a_fit_that_stays_above_its_bar_ends_and_has_not_converged(monkeypatch):

@@ -136,6 +136,9 @@ def smooth(
             break
         dispersion, surprise = found.dispersion, found.surprise
         change, far = found.moves(linear, levels, track), found.farthest(numbers)
+        if not np.isfinite(change + far):
+            found = replace(found, chi2=np.inf)
+            break
         if not rough and change <= least_move:
             least_move, before_divergence = change, (states, tau, doubt, levels, numbers)
         travels = any(n.log and abs(own) > 0.99 * np.log(TRUST) for n, own in zip(numbers, found.step, strict=True))

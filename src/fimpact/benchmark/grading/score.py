@@ -108,7 +108,7 @@ def _located(model, recording: Recording, truth: Truth, row, named: list[str]) -
 def _first_place(row) -> set[str]:
     """The joint where the naive model lacks the largest share of what is applied."""
     rows = row.get("missing_force", [])
-    return {_joint(max(rows, key=lambda r: r["naive"] / max(r["applied"], 1e-12)))} if rows else set()
+    return {_joint(max(rows, key=lambda r: r["naive"] / max(r["applied"] or 0.0, 1e-12)))} if rows else set()
 
 
 def _joint(row) -> str:
