@@ -268,13 +268,3 @@ def test_what_a_drive_lost_at_a_joint_is_asked_together_with_what_may_have_kept_
     offered = [option for option in state.offered(tried) if len(option.members) > 1 or "@" in option.name]
     assert [option.members for option in offered if 2 in option.members] == [(1, 2)]
     assert [option.members for option in offered if "," not in option.name and "@" in option.name] == [(0,), (1,)]
-
-
-def test_a_gear_that_changes_readings_alone_counts_by_what_it_foretells():
-    own, option = regression({0: 0.5}, white(1)), alone(1)[0]
-    own.columns = replace(own.columns, candidates=(candidate("backlash", "j0"),))
-    unlike = np.random.default_rng(5).standard_normal(own.columns.forces.shape)  # no force that is missing
-    own.columns = shown = replace(own.columns, forces=unlike)
-    assert tried(own, option).share < SHARE
-    own.columns = replace(shown, read=(True,))
-    assert 0.1 < tried(own, option).share < 0.3

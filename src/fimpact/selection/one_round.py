@@ -140,23 +140,19 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     # Where the smoother leaves next to no force, what shows in the readings is all of it, and not many times it.
     hidden = relief > better.sum() and relief > 0
     share = 1.0 if hidden else min(float(taken[place]), 1.0)
-    if own and all(_is_no_force(regression, i - regression.p) for i in own):
+    if all(_is_no_force(regression, i) for i in option.members):
         share = max(share, float(better.sum() / errors.sum()))
     error = float(better.std() * np.sqrt(len(better)))
     places = places_of(regression, found)
     return Trial(option, found, p, float(better.sum()) + relief, error, share, place, left, places, bool(hidden))
 
 
-def _is_no_force(regression: Regression, column: int) -> bool:
-    """Whether a column, counted from the first candidate's, is no force: an error of sensors of force or acceleration,
-    which the trajectory does not follow, or a gear that shifts an encoder and moves nothing. It shows in what is not
-    predicted, not in the missing force."""
-    candidate = regression.columns.candidates[regression.columns.owners[column][0]]
-    if candidate.effect.enters == "gear":
-        return regression.columns.reads(column)
+def _is_no_force(regression: Regression, member: int) -> bool:
+    """Whether a candidate is an error of sensors of force or acceleration: the trajectory does not follow those, and so
+    it shows in what is not predicted, not in the missing force."""
+    candidate, track = regression.columns.candidates[member], regression.smoothed.track
     if candidate.effect.enters != "measurement":
         return False
-    track = regression.smoothed.track
     return bool(track.late[measured_by(track.recording.channels, candidate.site)].all())
 
 

@@ -44,8 +44,7 @@ class Columns:
     innovations: (N, ny, 1 + p + c), sensitivities with their sign so that data = columns @ values. forces: (N, nv,
     1 + p + c), the posterior missing force of each in the same sense. owners: (candidate, amplitude) of each of the c
     columns, which are in units of the prior's sd. whole: (N, nv, p + c), under stiff servos, the force that would do
-    what a unit of each does: of that the smoother sees no more than its noise lets through. read: which of the c
-    columns change what is read and nothing that moves.
+    what a unit of each does: of that the smoother sees no more than its noise lets through.
     """
 
     innovations: np.ndarray
@@ -53,11 +52,6 @@ class Columns:
     candidates: tuple[Candidate, ...]
     owners: tuple[tuple[int, int], ...]
     whole: np.ndarray | None = None
-    read: tuple[bool, ...] = ()
-
-    def reads(self, column: int) -> bool:
-        """Whether a column, counted from the first candidate's, changes what is read and nothing that moves."""
-        return bool(self.read) and self.read[column]
 
     def of(self, candidate: int) -> list[int]:
         """Columns, counted from the first candidate's, of one candidate."""
@@ -109,7 +103,6 @@ def changes(smoothed: Smoothed, laws: Sequence[Placed], known: Simulated | None 
 def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Columns:
     track, linear = smoothed.track, smoothed.linear
     p = linear.left.shape[2]
-    read = tuple(not (c.force.any() or c.after.any()) for c in changes)
     whole, means = linear, np.zeros((track.count, track.model.nv, p + len(owners)))
     if changes:
         after = linear.rubbed @ np.stack([c.after for c in changes], 2)
@@ -126,7 +119,7 @@ def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Colu
     forces = -(smoothed.levels.forces**2)[:, :, None] * adjoint[:, track.space.size :]
     sign = np.ones(innovations.shape[2])
     sign[1:] = -1.0
-    return Columns(innovations * sign, forces * sign, tried, owners, _whole(track, linear, whole, means), read)
+    return Columns(innovations * sign, forces * sign, tried, owners, _whole(track, linear, whole, means))
 
 
 def _whole(track: Track, linear: Linear, with_all: Linear, means: np.ndarray) -> np.ndarray | None:
