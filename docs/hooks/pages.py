@@ -15,7 +15,8 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[2]
 BESIDE = {  # page of the site -> the file of the repository that it shows
-    "case-files.md": "config/recordings/README.md",
+    "case-files.md": "src/fimpact/cases/keys.md",
+    "rigs-data.md": "config/recordings/README.md",
     "configuration.md": "config/README.md",
     "paper-figures.md": "results/reference/paper/README.md",
     "benchmark-lines.md": "results/reference/concealed/README.md",

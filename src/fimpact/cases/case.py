@@ -28,7 +28,7 @@ def read_case(path: str | Path, data_root: str | Path | None = None) -> Recordin
     """Read, convert, put on one time base and judge everything that a case names.
 
     Args:
-        path: the case, a YAML file as config/recordings/README.md explains it.
+        path: the case, a YAML file as `fimpact keys` explains it.
         data_root: folder of the data files; None: the `data` of the case, or the folder of the case.
 
     Returns:

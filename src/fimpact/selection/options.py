@@ -37,8 +37,10 @@ def options(model: mujoco.MjModel, channels: Sequence[str], candidates: Sequence
     return found + [option for option in alone if option.members not in listed]
 
 
-def with_parts(model: mujoco.MjModel, offered: Sequence[Option], candidates: Sequence[Candidate], parts: Sequence[int]):
-    """Options of one effect at one joint, and with it all `parts`, by number, that a whole drive has there.
+def with_parts(
+    model: mujoco.MjModel, offered: Sequence[Option], candidates: Sequence[Candidate], parts: Sequence[int]
+) -> list[Option]:
+    """Pair each option of one effect at one joint with all `parts`, by number, that a whole drive has there.
 
     A drive that was fitted beside a wrong motor, load or friction has parts of its own pulled to nothing, and neither
     they nor what had kept them out are worth much without the other.

@@ -6,8 +6,6 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-OTHERS = "\n## The rigs here\n"  # from here on the page on keys is about cases of the repository
-
 
 def check_case(options: argparse.Namespace) -> None:
     """Read and judge a case, and say what its motions can show."""
@@ -119,8 +117,7 @@ def print_keys(options: argparse.Namespace) -> None:
     """Explain every key of a case."""
     from importlib.resources import files
 
-    text = files("fimpact.cases").joinpath("keys.md").read_text(encoding="utf-8")
-    print(text.partition(OTHERS)[0].rstrip())
+    print(files("fimpact.cases").joinpath("keys.md").read_text(encoding="utf-8").rstrip())
 
 
 def list_effects(options: argparse.Namespace) -> None:
