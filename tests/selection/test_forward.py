@@ -15,7 +15,7 @@ from fimpact.selection.explanation import explain
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import Trial, attempt, search
 from fimpact.selection.options import Option, joint_at
-from fimpact.selection.regression import Estimate, Regression
+from fimpact.selection.regression import Estimate, Regression, least
 from fimpact.selection.servo_drives import refitted_whole
 from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.columns import Columns
@@ -69,10 +69,15 @@ def test_what_does_nothing_is_not_chosen():
     assert result.chosen is None and len(result.tried) == 3
 
 
-def test_a_gain_is_sure_less_its_error():
-    trial = Trial(alone(1)[0], Estimate((), np.zeros(0), 0.0, np.zeros((5, 0))), 0.0, 10.0, 3.0, 1.0, 0, np.zeros(1))
-    assert trial.sure == 10 - BELIEF * 3
-    assert replace(trial, gain=9.0, error=1.0).sure > trial.sure
+def test_a_gain_is_sure_where_few_stretches_gain_much_and_the_rest_a_little():
+    """A standard error would take the two large ones for doubt; one alone may be an accident."""
+    little = np.full(28, 0.4)
+    better = np.r_[19.0, 15.0, little]
+    assert better.sum() < BELIEF * better.std() * np.sqrt(len(better))
+    assert 0 < least(better) < little.sum() + 15
+    assert least(np.r_[60.0, np.tile([1.0, -1.0], 14)]) < 0
+    assert least(-better) < -better.sum()
+    assert least(better) == pytest.approx(least(better[::-1]), rel=0.1)
 
 
 def bursts() -> np.ndarray:
@@ -124,7 +129,7 @@ def refits(option: Option, kept: dict[int, float], coupled: bool = False, conver
     members.append(candidate("viscous", "other", 0.05))
     columns = SimpleNamespace(candidates=members, owners=tuple((i, 0) for i in range(len(members))))
     estimate = Estimate(tuple(kept), np.array(list(kept.values())), 0.0, np.zeros((5, len(kept))))
-    trial, made = Trial(option, estimate, 0.0, 1.0, 0.1, 1.0, 0, np.zeros(1)), []
+    trial, made = Trial(option, estimate, 0.0, 1.0, 0.1, 0.8, 1.0, 0, np.zeros(1)), []
 
     def refitted(regression, own):
         made.append(own)

@@ -72,7 +72,7 @@ def test_a_column_is_the_difference_of_predictions(effect, site, amplitude):
     # A column is taken at the plain time step, predictions with its error extrapolated away: the size differs by that.
     np.testing.assert_allclose(column, change, atol=0.25 * np.abs(column).max())
     # The force of an edit is held over a sample, in which a quick arm turns by a tenth of a radian and more.
-    assert np.corrcoef(column.ravel(), change.ravel())[0, 1] > 0.99
+    assert np.corrcoef(column.ravel(), change.ravel())[0, 1] > 0.98
 
 
 def test_data_come_first_and_are_what_the_model_leaves():

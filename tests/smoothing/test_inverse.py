@@ -192,13 +192,31 @@ def limited(model):
     model.actuator_forcelimited[0], model.actuator_forcerange[0] = True, (-0.2, 0.2)
 
 
-@pytest.mark.parametrize("edit", [stronger, tighter, limited])
+def shifted(model):
+    model.actuator_biastype[0], model.actuator_biasprm[0, 0] = mujoco.mjtBias.mjBIAS_AFFINE, 0.3
+
+
+def shifted_within_limits(model):
+    shifted(model)
+    limited(model)
+
+
+@pytest.mark.parametrize("edit", [stronger, tighter, limited, shifted, shifted_within_limits])
 def test_gains_and_limits_of_motors_are_what_they_give_more(edit):
     inverse = along()
     after, told = edited(inverse.model, edit), 0.8 * inverse.track.ctrl[:, 0]
     expected = given(inverse, after, told) - given(inverse, inverse.model, told)
     assert np.abs(expected).max() > 0.05
     np.testing.assert_allclose(inverse.change(after, inverse.model, told), expected, atol=1e-12)
+
+
+def test_a_motor_that_becomes_a_spring_is_simulated():
+    def sprung(model):
+        shifted(model)
+        model.actuator_biasprm[0, 1] = -2.0
+
+    inverse = along()
+    assert inverse.change(edited(inverse.model, sprung), inverse.model, inverse.track.ctrl[:, 0]) is None
 
 
 def rougher(model):

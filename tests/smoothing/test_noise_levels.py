@@ -11,10 +11,12 @@ from fimpact.deciding import FALL, TRUSTED
 from fimpact.effects import EFFECTS
 from fimpact.smoothing.candidates import at
 from fimpact.smoothing.columns import motion_scales
+from fimpact.smoothing.dynamics.dry_friction import Rubbing
 from fimpact.smoothing.filter.by_run import variances
-from fimpact.smoothing.noise_levels import Levels, Pace, moved_by, nearer
+from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, moved_by, nearer, resting
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.states import States
 from fimpact.smoothing.step import solve
 from fimpact.smoothing.stretches import stretches
 
@@ -133,6 +135,21 @@ def test_what_friction_holds_at_rest_does_not_hide_what_is_missing_of_the_motion
     assert moves < 0.3 * rests
     quick = np.abs(fit.states.qvel[:, 0]) > 1.0
     assert not fit.levels.rests[quick].any() and not naive.levels.rests.any()  # without friction nothing is held
+
+
+def test_what_reverses_within_a_sample_does_not_rest():
+    """Its speeds are known at both ends; only what stands between two samples is held."""
+    track = prepare(record(ROD, ("angle",), [waves(50, [0.5], 0)], 1e-3), refine=1).track
+    speed = np.where(np.arange(track.count) < 20, 0.5, -0.5)
+    speed[30:] = 0.0
+    states = States(np.zeros((track.count, 1)), speed[:, None], np.zeros((track.count, 0)))
+    doubt = np.full((track.count, 1), 0.01)
+    rub = Rubbing(np.ones((track.count, 1)), *np.zeros((2, track.count, 1)))
+    none = first_levels(track, states, np.ones((track.count, 1)), np.ones(1))
+    rests = resting(track, states, doubt, rub, none).rests[:, 0]
+    assert not rests[:29].any() and rests[30:].all()
+    still = resting(track, states, np.full_like(doubt, 0.4), rub, none).rests[:, 0]
+    assert still[19]  # where speeds are not known so well, it may
 
 
 def test_every_sample_has_the_level_of_its_contact_and_of_its_rest():

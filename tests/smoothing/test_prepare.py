@@ -11,12 +11,10 @@ from recorded import BALL, ROD, record, waves
 import fimpact.smoothing.time_step as refinement
 from fimpact.effects.sites import contacts
 from fimpact.effects.touching import can_touch
-from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.dynamics.plant import Plant, plant_of
 from fimpact.smoothing.dynamics.response import Response
-from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
-from fimpact.smoothing.time_step import COARSER, FINER, FINEST
+from fimpact.smoothing.time_step import FINEST
 
 
 @cache
@@ -52,34 +50,10 @@ def test_as_many_runs_are_fitted_as_the_case_asks_for_and_none_that_judges():
     assert [run.name for run in prepare(many, many.held_out, 1).track.runs] == ["run_5"]
 
 
-def test_a_finer_step_is_for_predictions_where_something_may_touch():
-    track = Track(Simulator(tossed().track.recording), tossed().track.runs, finer=4)
-    steps = [model.opt.timestep for model in track.at_steps(track.model)]
-    assert steps == pytest.approx([0.002, 0.001, 0.0005])
-    alone = Track(track.simulator, track.runs)
-    assert [model.opt.timestep for model in alone.at_steps(track.model)] == [0.002]
-
-
-def test_where_nothing_touches_half_the_step_takes_the_error_out():
-    track = Track(Simulator(driven().track.recording), driven().track.runs, finer=4)
-    assert [model.opt.timestep for model in track.at_steps(track.model)] == pytest.approx([0.005, 0.0025])
-
-
-def test_what_touches_is_predicted_at_the_finer_step_and_what_flies_is_extrapolated():
-    track, (own, still) = tossed().track, plant(tossed())
-    now = track.touching(own.around)
-    touched = now | np.append(now[1:], False)
-    assert 0 < touched.sum() < 0.7 * track.count
-    before = track.steps
-    found = own.step(own.around, still)
-    each = np.where(touched, track.finer, 1 + 2) * track.simulator.substeps
-    assert track.steps - before == each.sum()
-    fine = replace(own, models=own.models[2:]).step(own.around, still)
-    np.testing.assert_array_equal(found.after.qpos[touched], fine.after.qpos[touched])
-    rough = own.plain.step(own.around, still)
-    assert np.abs(found.after.qvel - rough.after.qvel)[touched].max() > 1e-3  # a contact feels it
-    one, half = (replace(own, models=(model,)).step(own.around, still).after.qvel for model in own.models[:2])
-    np.testing.assert_allclose(found.after.qvel[~touched], (2 * half - one)[~touched], atol=1e-12)
+def test_half_the_step_takes_the_error_out():
+    for made, step in ((tossed(), 0.002), (driven(), 0.005)):
+        track = made.track
+        assert [model.opt.timestep for model in track.at_steps(track.model)] == pytest.approx([step, step / 2])
 
 
 def test_what_touches_is_told_with_the_shape_that_a_hypothesis_gives_it():
@@ -117,15 +91,6 @@ def test_derivatives_are_simulated_at_the_step_that_the_model_has(refine):
         assert track.steps - before == simulated * track.count * round(track.period / step)
 
 
-def test_contact_has_a_step_for_differences_and_a_finer_one_for_predictions():
-    for refine in (1, 2, 8, FINEST):
-        track = tossed(refine).track
-        fine = track.simulator.refine * track.finer
-        assert fine == min(FINER * refine, FINEST)
-        assert track.simulator.refine == max(1, min(refine, fine // COARSER))
-    assert driven(8).track.finer == 1 and driven(8).track.simulator.refine == 8
-
-
 def test_a_step_is_as_fine_as_its_error_asks_for():
     """A rod that swings freely takes a coarse one, a stiff servo a fine one."""
     servo = ROD.replace('<motor name="motor" joint="pivot"/>', '<position name="s" joint="pivot" kp="60" kv="0.3"/>')
@@ -145,9 +110,7 @@ def test_what_touches_nothing_is_smoothed_apart_and_proved_with_all_that_may_tou
     assert bool(contacts(made.track.model)) != apart
 
 
-@pytest.mark.parametrize(
-    ("errors", "asked", "ends"), [((64, 32), 2, FINEST), ((64, 4, 0.5), 3, FINEST), ((0.5,), 1, FINER)]
-)
+@pytest.mark.parametrize(("errors", "asked", "ends"), [((64, 32), 2, FINEST), ((64, 4, 0.2), 3, 4), ((0.2,), 1, 1)])
 def test_where_no_step_in_between_can_be_fine_enough_for_contact_the_finest_is_taken_at_once(
     monkeypatch, errors, asked, ends
 ):
@@ -159,4 +122,4 @@ def test_where_no_step_in_between_can_be_fine_enough_for_contact_the_finest_is_t
     seen = tuple(f"place[{i}]" for i in range(3))
     made = prepare(record(BALL, seen, [np.zeros((30, 0))], 5e-4, starts=starts, fine=5))
     assert len(calls) == asked
-    assert made.track.simulator.refine * made.track.finer == ends
+    assert made.track.simulator.refine == ends

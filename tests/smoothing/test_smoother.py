@@ -1,5 +1,6 @@
 """Trajectory, missing force and parameters together, of rigs whose truth is known."""
 
+import copy
 from dataclasses import replace
 from functools import cache
 
@@ -202,6 +203,21 @@ def test_what_must_be_simulated_in_contact_is_simulated_truly_where_it_is_asked_
     assert known.renew(units(tried[:1]))
     np.testing.assert_array_equal(columns(fit, tried, known).innovations, true.innovations)
     assert not known.renew(units(tried))
+
+
+def test_what_was_simulated_does_not_stand_where_the_plant_responds_otherwise():
+    made = bouncing()
+    fit = smooth(made.track, made.begun, made.noise)
+    (tried,) = candidates([EFFECTS["contact_stiffness"]], fit.track, motion_scales(fit))[:1]
+    known = Simulated()
+    rough = columns(fit, [tried], known).innovations
+    moved = replace(fit, states=fit.states)
+    np.testing.assert_array_equal(columns(moved, [tried], known).innovations, rough)
+    heavy = copy.copy(fit.linear.plant.model)
+    heavy.body_mass[1] *= 1.5
+    plant = replace(fit.linear.plant, models=(heavy,))
+    other = replace(fit, linear=replace(fit.linear, plant=plant))
+    assert not np.allclose(columns(other, [tried], known).innovations, rough, rtol=0.05)
 
 
 def test_the_same_recording_gives_the_same_fit():

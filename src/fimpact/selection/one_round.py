@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from fimpact.deciding import BELIEF, P_ALARM, TIED, UNLIKELY
+from fimpact.deciding import P_ALARM, REFINES, TIED, UNLIKELY
 from fimpact.effects.sites import measured_by
 from fimpact.selection.options import Option
-from fimpact.selection.regression import Estimate, Regression, chance
+from fimpact.selection.regression import Estimate, Regression, chance, least
 from fimpact.smoothing.smoother import inverse_of_push
 
 
@@ -22,8 +22,9 @@ from fimpact.smoothing.smoother import inverse_of_push
 class Trial:
     """One option tried beside what is in.
 
-    p: chance of its gain over all that was tried. gain, error: predicted on stretches that were not fitted, in squared
-    innovations, with what is nearer to the priors, and its standard error. share, place: largest share of the missing
+    p: chance of its gain over all that was tried. gain, error, sure: predicted on stretches that were not fitted, in
+    squared innovations, with what is nearer to the priors, its standard error, and what it is at the least, whichever
+    stretches were recorded. share, place: largest share of the missing
     force that it takes away (of all that is not predicted, where it is no force), and the degree of freedom where.
     errors: (stretches,) squared innovations left. places:
     ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for it.
@@ -34,16 +35,12 @@ class Trial:
     p: float
     gain: float
     error: float
+    sure: float
     share: float
     place: int
     errors: np.ndarray
     places: tuple[str, ...] = ()
     hidden: bool = False
-
-    @property
-    def sure(self) -> float:
-        """What it gains at the least."""
-        return self.gain - BELIEF * self.error
 
 
 @dataclass(frozen=True)
@@ -86,12 +83,14 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
 
 
 def rivals_of(regression: Regression, chosen: Trial, others: Sequence[Trial]) -> tuple[tuple[Trial, float], ...]:
-    """What is as likely as `chosen`, with its marginal likelihood beside its 1, likeliest first: a rival need not be as
-    sure as what is chosen, and a class of which one member is left is that member. What holds all that is chosen and
-    more is no rival: more is asked for in the next round."""
+    """What may be as likely as `chosen`, with its marginal likelihood beside its 1, likeliest first: a rival need not
+    be as sure as what is chosen, and a class of which one member is left is that member. What holds all that is chosen
+    and more is no rival: more is asked for in the next round."""
     own = regression.evidence(chosen.estimate)
     weights = [(trial, float(np.exp(min(regression.evidence(trial.estimate) - own, 700.0)))) for trial in others]
-    least = UNLIKELY * max((weight for _, weight in weights), default=1.0)
+    # Along its tangent an effect is not known to better than a tenth: what is no further behind is for a refit to say.
+    worth = own - regression.evidence(regression.proper(range(regression.p)))
+    least = UNLIKELY * np.exp(-REFINES * max(worth, 0.0)) * max((weight for _, weight in weights), default=1.0)
     first = places_of(regression, chosen.estimate)
     seen, found = {first}, []
     for trial, weight in sorted(weights, key=lambda pair: -pair[1]):
@@ -142,9 +141,9 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     share = 1.0 if hidden else min(float(taken[place]), 1.0)
     if all(_is_no_force(regression, i) for i in option.members):
         share = max(share, float(better.sum() / errors.sum()))
-    error = float(better.std() * np.sqrt(len(better)))
+    error, sure = float(better.std() * np.sqrt(len(better))), least(better) + relief
     places = places_of(regression, found)
-    return Trial(option, found, p, float(better.sum()) + relief, error, share, place, left, places, bool(hidden))
+    return Trial(option, found, p, float(better.sum()) + relief, error, sure, share, place, left, places, bool(hidden))
 
 
 def _is_no_force(regression: Regression, member: int) -> bool:

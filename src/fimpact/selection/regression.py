@@ -7,17 +7,19 @@ Independent is a stretch, not a sample: folds leave out whole stretches, and cov
 import copy
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy import stats
 
-from fimpact.deciding import FOLDS
+from fimpact.deciding import BELIEF, FOLDS
 from fimpact.smoothing.columns import Columns
 from fimpact.smoothing.parameters import is_shape
 from fimpact.smoothing.smoother import Smoothed
 from fimpact.smoothing.step import occam
 from fimpact.smoothing.stretches import spread_of_scores, stretches
+
+DRAWS = 4000  # of stretches
 
 
 @dataclass(frozen=True)
@@ -193,6 +195,21 @@ class Regression:
         size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
         roots = np.maximum(np.linalg.eigvalsh(whole / np.outer(size, size)), 0.0)
         return float(np.sqrt(roots).sum() ** 2 / max(roots.sum(), 1e-300))
+
+
+def least(better: np.ndarray) -> float:
+    """Bound the sum of `better`, (stretches,), from below, whichever stretches were recorded.
+
+    By the bootstrap of stretches (Efron, Annals of Statistics 7(1), 1979), as unlikely as `BELIEF` standard deviations:
+    few stretches may gain much, and a standard error would take that for doubt.
+    """
+    return float(np.quantile(_resampled(len(better)) @ better, stats.norm.sf(BELIEF)))
+
+
+@lru_cache
+def _resampled(count: int) -> np.ndarray:
+    """How often each of `count` stretches is drawn, (draws, count)."""
+    return np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), DRAWS).astype(float)
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fimpact.deciding import BELIEF, UNLIKELY
+from fimpact.deciding import UNLIKELY
 from fimpact.effects.base import Placed
 from fimpact.selection.options import Option
-from fimpact.selection.regression import Estimate, Regression, inverse
+from fimpact.selection.regression import Estimate, Regression, inverse, least
 
 NOTHING = "nothing"  # in place of an effect
 
@@ -71,11 +71,10 @@ def exchanges(
             if weight > max(UNLIKELY, known.weight if known else 0.0) or not option.members:
                 found = without.solve([*base, *columns])
                 better = errors - without.errors(found)
-                spread = BELIEF * better.std() * np.sqrt(len(better))
-                if not option.members and better.sum() > -spread:  # what is in is not sure to be worth anything
+                if not option.members and least(-better) <= 0:  # what is in is not sure to be worth anything
                     weight = max(weight, 1.0)
                 simpler = len(base) + len(columns) < regression.p + (len(places) > len(option.members))
-                sure = bool(simpler or better.sum() > spread)
+                sure = bool(simpler or least(better) > 0)
                 best[places, option.name] = Exchange(places, option, found, weight, sure, float(better.sum()))
     return sorted(best.values(), key=lambda e: -e.weight)
 

@@ -111,9 +111,11 @@ def first_levels(track: Track, states: States, tau: np.ndarray, noise: np.ndarra
 
 def resting(track: Track, states: States, doubt: np.ndarray, rubbing: Rubbing, levels: Levels) -> Levels:
     """What rests anew: where there is dry friction, and a speed, known to the sd `doubt`, (N, nv), is not told from
-    zero."""
-    sign = expected_sign(middle(track, states)[1], speed_doubt(track, states, doubt))
-    return replace(levels, rests=(np.abs(sign) < CONFIDENCE) & rubbing.force.any(0))
+    zero over a sample. One that reverses is told from it at both ends."""
+    over = expected_sign(middle(track, states)[1], speed_doubt(track, states, doubt))
+    ends = np.abs(expected_sign(states.qvel, doubt)) < CONFIDENCE
+    ends |= ends[np.arange(track.count) + ~track.last]
+    return replace(levels, rests=(np.abs(over) < CONFIDENCE) & ends & rubbing.force.any(0))
 
 
 def in_modes(track: Track, states: States, levels: Levels) -> Levels:

@@ -3,15 +3,15 @@
 from collections.abc import Callable, Sequence
 
 from fimpact.effects.base import Placed
-from fimpact.smoothing.dynamics.response import Change
+from fimpact.smoothing.dynamics.response import Change, responds_alike
 from fimpact.smoothing.smoother import Smoothed
 
 
 class Simulated:
     """What laws do, for columns of one track.
 
-    What must be simulated is simulated roughly at first, or stands from an earlier trajectory: enough to say what is
-    worth more. `renew` asks for the true ones. truly: all are, at once.
+    What must be simulated is simulated roughly at first, or stands from an earlier trajectory of a plant that responds
+    alike: enough to say what is worth more. `renew` asks for the true ones. truly: all are, at once.
     """
 
     def __init__(self, truly: bool = False):
@@ -22,9 +22,12 @@ class Simulated:
         self.wanted: set[str] = set()
 
     def along(self, smoothed: Smoothed) -> None:
-        """Forget what is true of another trajectory."""
-        if smoothed is not self.of:
-            self.of, self.true, self.wanted = smoothed, {}, set()
+        """Forget what is true of another trajectory, and what another plant did."""
+        if smoothed is self.of:
+            return
+        if self.of and not responds_alike(self.of.linear.plant.model, smoothed.linear.plant.model):
+            self.rough = {}
+        self.of, self.true, self.wanted = smoothed, {}, set()
 
     def holds(self, law: Placed) -> bool:
         """Whether it is known already what `law` truly does."""

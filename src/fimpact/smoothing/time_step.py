@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fimpact.deciding import DOUBT
+from fimpact.deciding import DOUBT, SHARE
 from fimpact.effects.base import Placed
 from fimpact.effects.touching import can_touch
 from fimpact.recordings import Recording, Run
@@ -14,7 +14,6 @@ from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
 
 FINEST = 32  # parts of the model's time step at most
-FINER, COARSER = 8, 4  # times as fine is contact simulated; as coarse are its differences, where that is the finest
 
 
 def refined(
@@ -36,7 +35,7 @@ def refined(
     """
     if refine:
         asked = Track(Simulator(recording, refine), runs)
-        return _in_contact(asked), begin(asked)
+        return asked, begin(asked)
     refine, apart = 1, False
     track: Track | None = None
     states: States | None = None
@@ -53,13 +52,13 @@ def refined(
         if track is not None:
             errors.append(halving_error(track, finer, states, noise, placed))
             if errors[-1] < DOUBT:
-                return _in_contact(track), states
+                return track, states
         # The error of a contact goes with the step: where the finest is not fine enough, none in between is asked.
         if can_touch(finer.model) and len(errors) > 1 and _ends_at(errors, FINEST / refine) > DOUBT:
-            return _in_contact(Track(Simulator(recording, FINEST, apart), runs)), states
+            return Track(Simulator(recording, FINEST, apart), runs), states
         track, refine = finer, 2 * refine
         if refine > FINEST:
-            return _in_contact(track), states
+            return track, states
 
 
 def _ends_at(errors: Sequence[float], finer: float) -> float:
@@ -67,21 +66,9 @@ def _ends_at(errors: Sequence[float], finer: float) -> float:
     return errors[-1] * (errors[-1] / errors[-2]) ** np.log2(finer)
 
 
-def _in_contact(track: Track) -> Track:
-    """The track, and where something may touch, with a finer step for predictions: the error of a contact goes one way,
-    and adds up over a run; differences and derivatives hardly feel it."""
-    refine = track.simulator.refine
-    if not can_touch(track.model):
-        return track
-    fine = min(FINER * refine, max(FINEST, refine))
-    coarse = min(refine, max(fine // COARSER, 1))
-    simulator = track.simulator if coarse == refine else Simulator(track.recording, coarse)
-    return Track(simulator, track.runs, fine // coarse)
-
-
 def halving_error(track: Track, finer: Track, states: States, noise: np.ndarray, placed: Sequence[Placed]) -> float:
-    """Measure how far half the time step moves readings a sample later, in parts of what the model misses, root mean
-    square."""
+    """Measure how far half the time step moves readings a sample later, root sum of squares over all of them, beside
+    their noise and the least share that is asked for of what the model misses."""
     ends = []
     for own in (track, finer):
         still = np.zeros_like(states.qvel), np.ones_like(states.qvel)
@@ -90,7 +77,7 @@ def halving_error(track: Track, finer: Track, states: States, noise: np.ndarray,
         ends.append(plant.step(after, plant.tau).readings)
     next_rows = np.flatnonzero(~track.last)
     missed = ends[1][next_rows] - track.measured[next_rows + 1]
-    scale = np.sqrt(noise**2 + np.nanmedian(missed**2, axis=0))
+    scale = np.sqrt(noise**2 + SHARE * np.nanmedian(missed**2, axis=0))
     off = (ends[1] - ends[0]) / scale
     known = ~own.late & np.isfinite(off).all(0)
     return float(np.sqrt(np.sum(np.minimum(off[:, known] ** 2, 1e12)))) if known.any() else 0.0

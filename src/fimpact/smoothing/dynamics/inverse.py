@@ -19,13 +19,13 @@ from fimpact.smoothing.states import BALL, FREE, States
 INERTIAL = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
 OF_JOINTS = ("dof_damping", "dof_dampingpoly", "dof_armature", "jnt_stiffness", "jnt_stiffnesspoly", "qpos_spring")
 RESTING = ("jnt_stiffness", "jnt_stiffnesspoly", "qpos_spring", "gravity")  # act by position alone
-OF_MOTORS = ("actuator_gainprm", "actuator_forcerange", "actuator_forcelimited")
+OF_MOTORS = tuple(f"actuator_{name}" for name in "gainprm biasprm biastype forcerange forcelimited".split())
 # Arrays of a model that laws edit.
 EDITED = (
     *INERTIAL,
     *OF_JOINTS,
     *OF_MOTORS,
-    *"body_gravcomp actuator_biasprm actuator_biastype actuator_dynprm "
+    *"body_gravcomp actuator_dynprm "
     "geom_pos geom_quat geom_size geom_friction geom_solref geom_condim pair_friction pair_solref "
     "pair_dim pair_margin".split(),
 )
@@ -234,7 +234,7 @@ class Inverse:
         out = np.zeros_like(self.qvel)
         changed = [(getattr(after, n) != getattr(before, n)).reshape(after.nu, -1).any(1) for n in OF_MOTORS]
         for motor in map(int, np.flatnonzero(np.any(changed, axis=0))):
-            if not is_plain(before, motor) or self._feels_motors:
+            if not (is_plain(before, motor) and is_plain(after, motor)) or self._feels_motors:
                 return None
             dof = before.jnt_dofadr[before.actuator_trnid[motor, 0]]
             out[:, dof] += given_by(after, motor, told[:, motor]) - given_by(before, motor, told[:, motor])

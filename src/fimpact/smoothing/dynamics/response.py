@@ -31,11 +31,16 @@ class Slopes:
 
     def hold(self, model: mujoco.MjModel) -> bool:
         """Whether they are those of `model` too, as well as a step needs them."""
-        for name in EDITED:
-            before, after = (np.asarray(getattr(own, name), float) for own in (self.model, model))
-            if np.any(np.abs(after - before) > CHANGED * np.maximum(np.abs(before), np.abs(after))):
-                return False
-        return np.array_equal(model.opt.gravity, self.model.opt.gravity)
+        return responds_alike(self.model, model)
+
+
+def responds_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
+    """Whether two models respond to what acts on them alike, but for a fifth of any of their numbers."""
+    for name in EDITED:
+        before, after = (np.asarray(getattr(own, name), float) for own in (one, other))
+        if np.any(np.abs(after - before) > CHANGED * np.maximum(np.abs(before), np.abs(after))):
+            return False
+    return np.array_equal(one.opt.gravity, other.opt.gravity)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 
 from fimpact.effects.base import Placed
-from fimpact.effects.touching import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.inputs import FINER as PIECES
@@ -33,21 +32,12 @@ class Step:
     after: States
     readings: np.ndarray
 
-    def put(self, rows: np.ndarray, other: "Step") -> None:
-        """Take these rows from another."""
-        for name in ("qpos", "qvel", "act"):
-            getattr(self.after, name)[rows] = getattr(other.after, name)
-        self.readings[rows] = other.readings
-
 
 class Track:
-    """All samples of `runs`, N of them, row after row, and what the model makes of each.
+    """All samples of `runs`, N of them, row after row, and what the model makes of each."""
 
-    finer: parts of the simulator's time step in which contact is simulated where its error counts.
-    """
-
-    def __init__(self, simulator: Simulator, runs: Sequence[Run], finer: int = 1):
-        self.simulator, self.runs, self.finer = simulator, tuple(runs), finer
+    def __init__(self, simulator: Simulator, runs: Sequence[Run]):
+        self.simulator, self.runs = simulator, tuple(runs)
         self.model: mujoco.MjModel = simulator.base
         self.recording: Recording = simulator.recording
         self.period = self.recording.period
@@ -144,26 +134,8 @@ class Track:
         return self._given[key]
 
     def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force: np.ndarray) -> Step:
-        """One sample ahead of each state under `ctrl` and `force` (N, nv).
-
-        Args:
-            models: the plant at the time step, and where the step's error is to be taken out, at half of it, and at a
-                finer one for samples in contact, which have no order.
-        """
-        touched = self._in_contact(states, models[0]) if len(models) > 2 else np.zeros(len(states), bool)
-        if not touched.any():
-            return self._extrapolated(models[:2], states, ctrl, force)
-        out = Step(
-            States(*map(np.copy, (states.qpos, states.qvel, states.act))),
-            np.empty((len(states), len(self.recording.channels))),
-        )
-        for rows, own in ((touched, models[2:]), (~touched, models[:2])):
-            if rows.any():
-                out.put(rows, self._extrapolated(own, states[rows], ctrl[rows], force[rows]))
-        return out
-
-    def _extrapolated(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force) -> Step:
-        """At the step of a model, or at no step at all: what half of it changes is added once more (Richardson)."""
+        """One sample ahead of each state under `ctrl` and `force` (N, nv): at the step of a model, or where there is
+        one at half of it, at no step at all: what halving it changes is added once more (Richardson)."""
         least = round(self.period / models[0].opt.timestep)
         ends = [self._ahead(model, states, ctrl, force, least) for model in models]
         if len(ends) == 1:
@@ -184,11 +156,6 @@ class Track:
                 now[k] = data.ncon > 0
             self._touching = states, [own.copy() for own in shape], now
         return self._touching[2]
-
-    def _in_contact(self, states: States, model: mujoco.MjModel) -> np.ndarray:
-        """Whether anything touches at either end of each sample, (N,)."""
-        now = self.touching(states, model)
-        return now | np.append(now[1:], False) & ~self.last
 
     @property
     def quanta(self) -> float:
@@ -211,18 +178,13 @@ class Track:
         now = states.qpos, states.qvel, states.act, ctrl.values[:, :1]
         return self.simulator.advance(model, *now, still)[3]
 
-    def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, ...]:
-        """`model`, and the same at finer time steps that take the step's error out: half of it, from which it is
-        extrapolated, and where something may touch, which has no order, as fine as is worth it."""
-        touched = can_touch(self.model)
-        if touched and self.finer == 1:
-            return (model,)
-        finer = [copy.copy(model) for _ in range(1 + touched)]
-        for own, parts in zip(finer, (2, self.finer), strict=False):
-            own.opt.timestep /= parts
-            if self.long:
-                stop_within_a_step(own)
-        return model, *finer
+    def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjModel]:
+        """`model`, and the same at half its time step, from which the step's error is taken out."""
+        half = copy.copy(model)
+        half.opt.timestep /= 2
+        if self.long:
+            stop_within_a_step(half)
+        return model, half
 
     def model_of(self, placed: Sequence[Placed], theta: np.ndarray) -> mujoco.MjModel:
         """The model of a hypothesis, laws left out."""
