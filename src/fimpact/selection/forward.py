@@ -167,7 +167,8 @@ class Search:
         """
         assert found.chosen is not None
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
-        small = floor == REFINES and chosen.share < MOSTLY
+        left = (self.current.tau**2).sum(0)[chosen.place]
+        small = floor == REFINES and chosen.share * missing[chosen.place] < MOSTLY * left
         small = small and all(self._refines(regression.columns.candidates[i]) for i in chosen.option.members)
         steps = self.track.steps
         self.alternatives = []
