@@ -9,7 +9,7 @@ LOUDER = (30.0, 15.0, 8.0, 4.0, 2.0)  # times their noise: sensors of force and 
 SWITCH = 2  # samples before and after a contact begins or ends that belong to neither mode
 TRUSTED = (0.1, 30.0)  # times what the samples show: noise levels of the readings that are believed
 HELD = 2.0  # decays within a sample, of a speed or of what bends a servo: beyond, no force is held over it
-DOUBT = 0.3  # standard deviation, over all readings: error of the time step from which it is halved
+DOUBT = 0.3  # standard deviation, over all readings: what is left of the error of the time step from which it is halved
 
 # Selection
 P_ALARM = 0.05  # family-wise chance of a false alarm, over all hypotheses that are tried
@@ -21,7 +21,7 @@ MOSTLY = 0.5  # of what is left at its place: a refinement that takes less is to
 NOTHING = 1e-3  # of what such parts have, or of the force of a motion: less is nothing
 FOLDS = 5  # of blocked validation
 STRETCHES = 10  # least number of stretches from which a spread is estimated
-BELIEF = 2.0  # standard errors that a gain is beyond nothing, and prior ones that a size is believed (METHOD 5, 6)
+BELIEF = 2.0  # sd of the normal: as rarely may a gain be none; and prior ones that a size is believed (METHOD 5, 6)
 CONFIDENCE = 0.95  # of intervals
 RIVALS = 4  # refits beside the best in a round, and refits in a row that come to nothing, after which no more is asked
 BUDGET = 400.0  # simulations of all samples: what is not found by then is told as what is left
