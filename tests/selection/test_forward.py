@@ -198,6 +198,16 @@ def test_the_budget_ends_a_search(monkeypatch, rounds, names):
     assert made.track.quanta > forward.BUDGET or not rounds
 
 
+@pytest.mark.parametrize(("alike", "asked"), [(0.97, True), (0.8, False)])
+def test_what_is_no_more_than_a_tenth_behind_is_refitted(alike, asked):
+    """A column is a tangent: how much an effect explains is not known to better than that."""
+    columns = white(2)
+    columns[:, 1] = alike * columns[:, 0] + np.sqrt(1 - alike**2) * columns[:, 1]
+    made = found(regression({0: 1.0}, columns), alone(2))
+    assert made.chosen.places == ("viscous@j0",)
+    assert [trial.places for trial, weight in made.rivals if weight < 0.05] == [("viscous@j1",)] * asked
+
+
 def test_what_holds_all_that_is_chosen_and_more_is_no_rival():
     own = regression({0: 0.8}, white(2))
     result = found(own, [Option("both", 2, (0, 1)), *alone(2)])
