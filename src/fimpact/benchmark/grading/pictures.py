@@ -99,7 +99,10 @@ def draw_bins(ax: Axes, table: np.ndarray) -> None:
     for x, _, n in table:
         place = max(x, place + APART)
         ax.annotate(f"{n:.0f}", (place, BELOW), color=MUTED, ha="center", va="center", fontsize=7.5)
-    ax.annotate("answers:", (min(table[0, 0] - 0.06, 0.94), BELOW), color=MUTED, ha="right", va="center", fontsize=7.5)
+    first = table[0, 0]
+    left = first >= 1 - place  # the side where there is room
+    word, x = ("answers:", min(first - 0.06, 0.94)) if left else ("answers", place + 0.06)
+    ax.annotate(word, (x, BELOW), color=MUTED, ha="right" if left else "left", va="center", fontsize=7.5)
 
 
 def _whiskers(ax: Axes, x, counts: list[tuple[int, int]], colour: str, marker: str, line: str, **rest) -> None:
