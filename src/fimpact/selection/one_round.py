@@ -24,10 +24,10 @@ class Trial:
 
     p: chance of its gain over all that was tried. gain, error, sure: predicted on stretches that were not fitted, in
     squared innovations, with what is nearer to the priors, its standard error, and what it is at the least, whichever
-    stretches were recorded. share, place: largest share of the missing
-    force that it takes away (of all that is not predicted, where it is no force), and the degree of freedom where.
-    errors: (stretches,) squared innovations left. places:
-    ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for it.
+    stretches were recorded. share, place: largest share of the missing force that it takes away (of all that is not
+    predicted, where it is no force), and the degree of freedom where. errors: (stretches,) squared innovations left.
+    places: ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for
+    it.
     """
 
     option: Option
@@ -90,12 +90,12 @@ def rivals_of(regression: Regression, chosen: Trial, others: Sequence[Trial]) ->
     weights = [(trial, float(np.exp(min(regression.evidence(trial.estimate) - own, 700.0)))) for trial in others]
     # Along its tangent an effect is not known to better than a tenth: what is no further behind is for a refit to say.
     worth = own - regression.evidence(regression.proper(range(regression.p)))
-    least = UNLIKELY * np.exp(-REFINES * max(worth, 0.0)) * max((weight for _, weight in weights), default=1.0)
+    bar = UNLIKELY * np.exp(-REFINES * max(worth, 0.0)) * max((weight for _, weight in weights), default=1.0)
     first = places_of(regression, chosen.estimate)
     seen, found = {first}, []
     for trial, weight in sorted(weights, key=lambda pair: -pair[1]):
         places = places_of(regression, trial.estimate)
-        if places not in seen and not set(first) < set(places) and weight > least:
+        if places not in seen and not set(first) < set(places) and weight > bar:
             seen.add(places)
             found.append((trial, weight))
     return tuple(found)

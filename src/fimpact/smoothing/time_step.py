@@ -53,7 +53,7 @@ def refined(
             errors.append(halving_error(track, finer, states, noise, placed))
             if errors[-1] < DOUBT:
                 return track, states
-        # The error of a contact goes with the step: where the finest is not fine enough, none in between is asked.
+        # Contact may have an error that falls slowly: where the finest is not fine enough, none in between is asked.
         if can_touch(finer.model) and len(errors) > 1 and _ends_at(errors, FINEST / refine) > DOUBT:
             return Track(Simulator(recording, FINEST, apart), runs), states
         track, refine = finer, 2 * refine

@@ -90,8 +90,8 @@ class Response:
         return self.near if plant.model is self.plant.model else plant.step(self.states, self.tau)
 
     def _rough(self, plant: Plant) -> Plant:
-        """`plant` at the step at which a fit's derivatives are taken: the model's own, but for contact, which has no
-        order. Where a fit ends, they hardly count; what a column says is read off them."""
+        """`plant` at the step at which a fit's derivatives are taken: the model's own, but for contact, where a
+        coarse one errs more. Where a fit ends, they hardly count; what a column says is read off them."""
         return plant.plain if can_touch(plant.model) and not self.coarsely else plant.coarse
 
     def slopes(self, spread: np.ndarray | None = None) -> Slopes:
