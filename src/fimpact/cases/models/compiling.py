@@ -127,7 +127,8 @@ def try_in_child(xml: str, path: Path, most: str) -> None:
         said = tried.stderr.decode(errors="replace").strip()
     except subprocess.TimeoutExpired:
         tried, said = None, ""
-    if tried is None or tried.returncode not in (0, 1) or "Traceback" in said or "exception" in said:
+    ended = "Traceback", "exception", "allocate memory"  # as Python, C++ and MuJoCo say it
+    if tried is None or tried.returncode not in (0, 1) or any(word in said for word in ended):
         raise CaseError(
             f"MJCF {path} takes more than {SECONDS} s or {MEMORY >> 30} GB to compile, most of it for {most}; allowed: "
             "what a robot and its surroundings need; make it smaller or leave it out"
