@@ -16,6 +16,7 @@ from fimpact.selection.unnamed_rest import Leftover
 from fimpact.smoothing.columns import motion_scales
 from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.time_step import settled
 
 
 def diagnosis_of(
@@ -24,14 +25,14 @@ def diagnosis_of(
     """A diagnosis as it would be had the search answered the effects `answer`, ``effect@site`` each, and kept each of
     the effects `rivals` as an alternative with weight .4."""
 
-    def explain(track, begun, noise, effects, progress, limits, late):
+    def explain(track, begun, noise, effects, progress, limits, late, known):
         prepared = Prepared(track, begun, noise)
-        naive = smooth(track, begun, noise)
+        naive = known or smooth(track, begun, noise)
         final = _forced(prepared, naive, answer) if answer else naive
         others = [_forced(prepared, naive, (name,)) for name in rivals]
         kept = tuple(Alternative(fit.placed, fit.theta, 0.4) for fit in others)
-        missing, left = (naive.tau**2).sum(0), Leftover(None, None, 0.0, ())
-        return Explanation(naive, final, frozenset(), (), kept, 0.01, motion_scales(naive), missing, left)
+        left = Leftover(None, None, 0.0, ())
+        return Explanation(naive, final, frozenset(), (), kept, 0.01, motion_scales(naive), left)
 
     with patch.object(pipeline, "explain", explain):
         return diagnose(recording, brief=brief)
@@ -39,7 +40,7 @@ def diagnosis_of(
 
 def _forced(prepared: Prepared, naive: Smoothed, names: tuple[str, ...]) -> Smoothed:
     places = [(EFFECTS[effect], site) for effect, _, site in (name.partition("@") for name in names)]
-    return fit_forced(prepared, naive, places)
+    return settled(fit_forced(prepared, naive, places), prepared.begun, prepared.noise)
 
 
 @cache

@@ -9,10 +9,12 @@ import pytest
 from recorded import BALL, ROD, record, waves
 
 import fimpact.smoothing.time_step as refinement
+from fimpact.deciding import DOUBT
 from fimpact.effects.sites import contacts
 from fimpact.effects.touching import can_touch
 from fimpact.smoothing.dynamics.plant import Plant, plant_of
 from fimpact.smoothing.dynamics.response import Response
+from fimpact.smoothing.filter.by_run import filtered
 from fimpact.smoothing.prepare import Prepared, prepare, spread_out
 from fimpact.smoothing.time_step import FINEST
 
@@ -110,16 +112,23 @@ def test_what_touches_nothing_is_smoothed_apart_and_proved_with_all_that_may_tou
     assert bool(contacts(made.track.model)) != apart
 
 
-@pytest.mark.parametrize(("errors", "asked", "ends"), [((64, 32), 2, FINEST), ((64, 4, 0.2), 3, 4), ((0.2,), 1, 1)])
-def test_where_no_step_in_between_can_be_fine_enough_for_contact_the_finest_is_taken_at_once(
-    monkeypatch, errors, asked, ends
-):
-    """What halves with the step has more than a noise left at the finest; what falls faster is followed."""
+@pytest.mark.parametrize(("errors", "ends"), [((9, 9, 9, 9, 9, 9), FINEST), ((9, 2, 0.2), 4), ((np.inf, 0.2), 2)])
+def test_the_step_is_halved_until_its_error_shows_no_more(monkeypatch, errors, ends):
     given = iter(errors)
-    calls = []
-    monkeypatch.setattr(refinement, "halving_error", lambda *parts: calls.append(parts) or next(given))
-    starts = [([0, 0, 0.2, 1, 0, 0, 0], [0.3, 0, 0, 0, 0, 0])]
-    seen = tuple(f"place[{i}]" for i in range(3))
-    made = prepare(record(BALL, seen, [np.zeros((30, 0))], 5e-4, starts=starts, fine=5))
-    assert len(calls) == asked
+    monkeypatch.setattr(refinement, "step_error", lambda fit: next(given))
+    made = prepare(record(ROD, ("angle",), [waves(50, [0.5], 0)], 1e-3))
     assert made.track.simulator.refine == ends
+    assert made.naive.track is made.track and made.track.steps == 0
+
+
+def test_the_error_of_the_step_is_that_of_an_effect():
+    """As an effect that did what half the step does would be weighed: by noise and missing force together."""
+    servo = ROD.replace('<motor name="motor" joint="pivot"/>', '<position name="s" joint="pivot" kp="60" kv="0.3"/>')
+    made = prepare(record(servo, ("angle",), [waves(60, [0.5], 0)], 1e-5), refine=1)
+    fit = made.naive
+    loud = replace(fit, filter=filtered(fit.track, fit.linear, replace(fit.levels, force=30 * fit.levels.force)))
+    assert refinement.step_error(fit) > 3 * refinement.step_error(loud) > 0
+    assert refinement.step_error(replace(fit, chi2=np.inf)) == np.inf
+    finer = refinement.settled(fit, made.begun, made.noise)
+    assert finer.track.simulator.refine > 1 and finer.track.quanta > fit.track.quanta  # what was simulated counts on
+    assert refinement.step_error(finer) < DOUBT or finer.track.simulator.refine == FINEST

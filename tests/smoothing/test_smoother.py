@@ -15,7 +15,7 @@ from fimpact.recordings import Recording, Unknown
 from fimpact.selection.regression import Regression
 from fimpact.smoothing import smoother
 from fimpact.smoothing.candidates import at, candidates
-from fimpact.smoothing.columns import columns, motion_scales, units
+from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.dynamics.response import heavier
 from fimpact.smoothing.noise_levels import CHANGE, FLIGHT, STANCE
 from fimpact.smoothing.prepare import Prepared, prepare
@@ -189,20 +189,6 @@ def test_a_ball_that_bounces_is_followed_through_its_contacts():
     flight, _, change = found.levels.force[[FLIGHT, STANCE, CHANGE]]
     assert set(found.levels.mode) == {FLIGHT, STANCE, CHANGE}
     assert flight[2] < 0.01 * 0.3 * 9.81 and flight[2] < change[2]
-
-
-def test_what_must_be_simulated_in_contact_is_simulated_truly_where_it_is_asked_for_again():
-    made = bouncing()
-    fit = smooth(made.track, made.begun, made.noise)
-    tried = candidates([EFFECTS[name] for name in ("contact_stiffness", "linear_drag")], fit.track, motion_scales(fit))
-    true, known = columns(fit, tried), Simulated()
-    rough = columns(fit, tried, known)
-    same = [np.array_equal(*pair) for pair in zip(rough.innovations.T, true.innovations.T, strict=True)]
-    stiff = 1 + len(fit.numbers)
-    assert same[:stiff] == [True] * stiff and not same[stiff] and same[-1]  # what is a force along the motion is true
-    assert known.renew(units(tried[:1]))
-    np.testing.assert_array_equal(columns(fit, tried, known).innovations, true.innovations)
-    assert not known.renew(units(tried))
 
 
 def test_what_was_simulated_does_not_stand_where_the_plant_responds_otherwise():

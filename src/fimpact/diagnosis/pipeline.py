@@ -1,7 +1,7 @@
 """All stages in their order: from a recording to a diagnosis that can be written down."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -106,10 +106,12 @@ def diagnose(
         limits: of what is asked for; None: of all.
     """
     progress("preparing the recordings")
-    prepared = prepare(recording)
+    prepared = prepare(recording, progress=progress)
     found = explain(
-        prepared.track, prepared.begun, prepared.noise, list(EFFECTS.values()), progress, limits, prepared.late
-    )
+        prepared.track, prepared.begun, prepared.noise, list(EFFECTS.values()), progress, limits, prepared.late,
+        prepared.known,
+    )  # fmt: skip
+    prepared = replace(prepared, track=found.final.track)
     naive, best = Hypothesis(found.naive.theta), Hypothesis(found.final.theta, found.final.placed)
     models = {"naive": (prepared.proving, naive), "improved": (prepared.proving, best)}
     if recording.held_out:
@@ -217,7 +219,7 @@ def _round(made: Round, diagnosis: Diagnosis) -> dict[str, Any]:
     if chosen is None:
         return {"class": None, "places": [], "gain": 0.0, "se": 0.0, "share": 0.0, "place": "", "next": following}
     dofs = diagnosis.simulator.base
-    place = dofs.joint(int(dofs.dof_jntid[chosen.place])).name
+    place = dofs.joint(int(dofs.dof_jntid[chosen.place[1]])).name
     return {
         "class": chosen.option.name, "places": list(chosen.places), "gain": chosen.gain, "se": chosen.error,
         "share": chosen.share, "place": place, "next": following,

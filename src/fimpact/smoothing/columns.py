@@ -8,7 +8,6 @@ predicts: the applied torque is an output, and a column of it would explain ever
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -90,14 +89,14 @@ def _unit(candidate: Candidate, amplitude: int) -> Placed:
 
 def changes(smoothed: Smoothed, laws: Sequence[Placed], known: Simulated | None = None) -> list[Change]:
     """What each of `laws` does beside the plant of a smoothed recording."""
-    known = known or Simulated(truly=True)
+    known = known or Simulated()
     known.along(smoothed)
     made = _Maker(smoothed)
     acting = [law for law in laws if law.effect.enters in ACTING and not known.holds(law)]
     acts = acts_of(smoothed.track, acting, smoothed.states, smoothed.tau, smoothed.doubt)
     for law, (force, readings) in zip(acting, acts, strict=True):
         known.keep(law, replace(made.response.nothing(), force=force, readings=readings))
-    return [known.change(law, made, made.rough) for law in laws]
+    return [known.change(law, made) for law in laws]
 
 
 def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Columns:
@@ -132,8 +131,6 @@ def _whole(track: Track, linear: Linear, with_all: Linear, means: np.ndarray) ->
 class _Maker:
     """What edits of the model, of commands and of readings do beside the plant of a smoothed recording."""
 
-    roughly = False
-
     def __init__(self, smoothed: Smoothed):
         self.smoothed, self.track = smoothed, smoothed.track
         # The trajectory of the last derivatives is as good as the last one for what they decide.
@@ -143,26 +140,16 @@ class _Maker:
         given = self.plant.ctrl
         self.told = replace(given, values=predicted_commands(self.track, given.values, smoothed.tau))
 
-    @cached_property
-    def _roughly(self) -> "_Maker":
-        own = copy.copy(self)
-        own.response = Response(self.plant, self.smoothed.states, self.smoothed.tau, self.response.inverse, True)
-        own.roughly = True
-        return own
+    def __call__(self, placed: Placed) -> tuple[Change, bool]:
+        """Of one effect, and whether that took a simulation."""
+        before = self.response.simulated
+        return self._change(placed), self.response.simulated > before
 
-    def rough(self, placed: Placed) -> tuple[Change, bool]:
-        """Of one effect at the model's own time step, and whether that took a simulation."""
-        before = self._roughly.response.simulated
-        return self._roughly(placed), self._roughly.response.simulated > before
-
-    def __call__(self, placed: Placed) -> Change:
-        """Of one effect."""
+    def _change(self, placed: Placed) -> Change:
         if placed.effect.enters == "measurement":
             return self._measurement(placed)
         if placed.effect.enters == "command":
-            return self.response(
-                replace(self.plant, ctrl=self.track.commands((*self.plant.placed, placed))), None, self.roughly
-            )
+            return self.response(replace(self.plant, ctrl=self.track.commands((*self.plant.placed, placed))))
         return self._model(placed)
 
     def _model(self, placed: Placed) -> Change:
@@ -183,7 +170,7 @@ class _Maker:
         if edits(after, before) or (self.track.long and rubbed.any()):
             mujoco.mj_setConst(after, mujoco.MjData(after))
             scaled = not np.array_equal(before.actuator_gainprm, after.actuator_gainprm)
-            change = self.response(replace(self.plant, models=(after,)), self.told if scaled else None, self.roughly)
+            change = self.response(replace(self.plant, models=(after,)), self.told if scaled else None)
         if rubbed.any() and not self.track.long:
             states = self.smoothed.states
             doubt = speed_doubt(self.track, states, self.smoothed.doubt)

@@ -47,6 +47,11 @@ class Levels:
         """Which samples and coordinates are of each row of `force`, masks (N, nv)."""
         return [self._row == i for i in range(len(self.force))]
 
+    def summed(self, squared: np.ndarray) -> np.ndarray:
+        """Sum of `squared`, (N, nv), over the samples of each contact mode, (modes, nv)."""
+        modes = np.arange(len(self.force) // 2)[:, None] == self.mode
+        return modes.astype(float) @ squared
+
     @property
     def _row(self) -> np.ndarray:
         return self.mode[:, None] + len(self.force) // 2 * self.rests

@@ -1,6 +1,6 @@
 """From a recording to the track that is smoothed: time step, first states and noise."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,18 +11,26 @@ from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.state_guess import measured_motion, noise_level
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.servo_lag import Way, lateness
+from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
-from fimpact.smoothing.time_step import refined
+from fimpact.smoothing.time_step import begun_at, settled
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A track, the states that the measurements show, (N,), sd of the readings, (ny,), and how late motors are."""
+    """A track, the states that the measurements show, (N,), sd of the readings, (ny,), and how late motors are. known:
+    the naive fit where it is known already."""
 
     track: Track
     begun: States
     noise: np.ndarray
     late: tuple[Way, ...] = ()
+    known: Smoothed | None = None
+
+    @cached_property
+    def naive(self) -> Smoothed:
+        """The fit in which only the case's unknowns are free."""
+        return self.known or smooth(self.track, self.begun, self.noise)
 
     @cached_property
     def simulator(self) -> Simulator:
@@ -42,7 +50,9 @@ class Prepared:
         return self.simulator if track.touching(measured_states(track, self.noise)).any() else own
 
 
-def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> Prepared:
+def prepare(
+    recording: Recording, runs: Sequence[Run] = (), refine: int = 0, progress: Callable[[str], None] = lambda line: None
+) -> Prepared:
     """The track of `runs`, default: those that may be fitted.
 
     Args:
@@ -54,11 +64,17 @@ def prepare(recording: Recording, runs: Sequence[Run] = (), refine: int = 0) -> 
     def begin(track: Track) -> States:
         return measured_states(track, noise)
 
-    track, begun = refined(recording, runs, begin, noise, refine)
+    track, begun = begun_at(recording, runs, begin, refine or 1)
     late = lateness(track, begun, noise)
-    if late and not refine:  # what is late hides the error of the time step
-        track, begun = refined(recording, runs, begin, noise, refine, late[0])
-    return Prepared(track, begun, noise, late)
+    if refine:
+        return Prepared(track, begun, noise, late)
+    # What is late hides the error of the time step.
+    ways = late[0] if late else ()
+    priors = [dict.fromkeys(own.values, np.inf) for own in ways]
+    fit = smooth(track, begun, noise, ways, priors, progress=progress, frozen=bool(late))
+    fit = settled(fit, begun, noise, progress)
+    fit.track.steps = 0  # what is asked for counts from here
+    return Prepared(fit.track, begun, noise, late, None if late else fit)
 
 
 def spread_out(runs: Sequence[Run], most: int) -> tuple[Run, ...]:

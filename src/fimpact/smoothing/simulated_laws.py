@@ -1,4 +1,4 @@
-"""What laws do along a trajectory, simulated roughly at first, and truly where it matters."""
+"""What laws do along a trajectory, or did along an earlier one, which is enough where it does not matter."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,14 +10,13 @@ from fimpact.smoothing.smoother import Smoothed
 class Simulated:
     """What laws do, for columns of one track.
 
-    What must be simulated is simulated roughly at first, or stands from an earlier trajectory of a plant that responds
-    alike: enough to say what is worth more. `renew` asks for the true ones. truly: all are, at once.
+    What must be simulated stands from an earlier trajectory of a plant that responds alike: enough to say what is worth
+    more. `renew` asks for what is true of this one.
     """
 
-    def __init__(self, truly: bool = False):
-        self.truly = truly
+    def __init__(self) -> None:
         self.of: Smoothed | None = None
-        self.rough: dict[str, Change] = {}
+        self.earlier: dict[str, Change] = {}
         self.true: dict[str, Change] = {}
         self.wanted: set[str] = set()
 
@@ -26,7 +25,7 @@ class Simulated:
         if smoothed is self.of:
             return
         if self.of and not responds_alike(self.of.linear.plant.model, smoothed.linear.plant.model):
-            self.rough = {}
+            self.earlier = {}
         self.of, self.true, self.wanted = smoothed, {}, set()
 
     def holds(self, law: Placed) -> bool:
@@ -38,30 +37,28 @@ class Simulated:
         self.true[_key(law)] = change
 
     def renew(self, laws: Sequence[Placed]) -> bool:
-        """Whether any of these laws is but rough yet; then it is wanted."""
+        """Whether any of these laws stands from an earlier trajectory; then it is wanted."""
         self.wanted = {_key(law) for law in laws} - set(self.true)
         return bool(self.wanted)
 
     def change(
         self,
         law: Placed,
-        simulate: Callable[[Placed], Change],
-        roughly: Callable[[Placed], tuple[Change, bool]],
+        simulate: Callable[[Placed], tuple[Change, bool]],
     ) -> Change:
         """What `law` does, as well as it is asked for.
 
         Args:
-            roughly: says too whether what it finds took a simulation; what did not is true.
+            simulate: says too whether what it finds took a simulation; what did not is found anew each time.
         """
         key = _key(law)
-        if key in self.true:
-            return self.true[key]
-        if self.truly or key in self.wanted:
-            self.true[key] = self.rough[key] = simulate(law)
-        elif key not in self.rough:
-            change, simulated = roughly(law)
-            (self.rough if simulated else self.true)[key] = change
-        return self.true[key] if key in self.true else self.rough[key]
+        if key in self.earlier and key not in self.true and key not in self.wanted:
+            return self.earlier[key]
+        if key not in self.true:
+            self.true[key], simulated = simulate(law)
+            if simulated:
+                self.earlier[key] = self.true[key]
+        return self.true[key]
 
 
 def _key(law: Placed) -> str:

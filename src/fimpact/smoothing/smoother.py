@@ -29,6 +29,7 @@ FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much 
 SHRINKS = 0.7  # of the last step: a next one that is longer does not converge by itself
 ROUNDS_ABOVE_BAR = 2  # rounds in a row that fit worse than a fit has to, and fall too slowly to get there
 INNER = 4  # updates of the noise levels between two linearisations
+JUDGED = 3  # times at most that a fit says what rests: a speed about the bound of its doubt would go to and fro
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,11 @@ class Smoothed:
     still: float
 
     @property
+    def missing(self) -> np.ndarray:
+        """Squared missing force, (contact modes, nv)."""
+        return self.levels.summed(self.tau**2)
+
+    @property
     def theta(self) -> np.ndarray:
         """Values of the case's unknowns, (p,)."""
         return theta_of(self.numbers)
@@ -73,6 +79,7 @@ class Smoothed:
         return self.fit / dispersion + self.cost
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a fit that runs away ends, and says so
 def smooth(
     track: Track,
     begun: States,
@@ -91,7 +98,7 @@ def smooth(
 
     Args:
         begun: states to begin with, (N,). noise: sd of the readings, (ny,). placed: effects that are added; priors: sd
-            of their amplitudes. like: an earlier result of the same track to begin with. theta: unknowns to begin with.
+            of their amplitudes. like: an earlier result to begin with. theta: unknowns to begin with.
         frozen: the numbers stay as they are. bar: loss that the fit must beat; where it falls too slowly to get
             there, it ends, and has not converged. patience: rounds that fit worse than an earlier one, after which the
             fit ends with that one; None: it goes on, and ends with the last.
@@ -102,11 +109,11 @@ def smooth(
     states, tau, doubt = begun, np.zeros_like(begun.qvel), np.full_like(begun.qvel, 1e-3)
     levels, linear, stretch, dispersion, surprise = None, None, None, None, np.zeros_like(track.measured)
     if like is not None:
-        states, tau, doubt, levels, linear = like.states, like.tau, like.doubt, like.levels, like.linear
-        surprise = like.surprise
+        states, tau, doubt, levels, surprise = like.states, like.tau, like.doubt, like.levels, like.surprise
+        linear = like.linear if like.track is track else None
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
-    pace, converged, k, change = Pace(), False, 0, np.inf
+    pace, converged, k, change, judged = Pace(), False, 0, np.inf, 0
     least, lost = np.inf, 0  # of the rounds so far, and rounds since that fit worse than it
     before, above_bar = np.inf, 0  # of the round before, and rounds in a row that are too slow to get below `bar`
     best: tuple[States, np.ndarray, np.ndarray, Levels, list[Parameter]] | None = None
@@ -166,8 +173,12 @@ def smooth(
             grown = heavier(track.model_of(placed_of(numbers, placed), theta_of(numbers)), linear.plant.model)
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
         levels = in_modes(track, states, levels)
-        if k == 0:  # once: a speed about the bound of its doubt would go to and fro, and levels with it
+        if k == 0 or (
+            converged and judged < JUDGED
+        ):  # at first speeds are hardly known, and what rests hides what moves
+            judged, before_judging = judged + 1, levels.rests
             levels = resting(track, states, doubt, linear.plant.rubbing, levels)
+            converged = converged and np.array_equal(levels.rests, before_judging)
         if converged:
             break
         now = found.fit + found.cost

@@ -118,7 +118,7 @@ def solve(
 def _volume(information: np.ndarray) -> float:
     """Logarithm of the determinant; what nothing is known of counts as its diagonal has it."""
     size = np.maximum(np.diag(information), 1e-300)
-    alike = information / np.sqrt(np.outer(size, size))
+    alike = information / np.sqrt(size)[:, None] / np.sqrt(size)
     np.fill_diagonal(alike, 1.0)
     return float(np.log(size).sum() + np.linalg.slogdet(alike)[1])
 

@@ -1,83 +1,87 @@
-"""The time step of a track: as fine as it must be for its error to move no reading."""
+"""How fine a time step must be: what is left of its error is weighed as any effect is."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from fimpact.deciding import DOUBT, SHARE
-from fimpact.effects.base import Placed
+from fimpact.deciding import DOUBT
 from fimpact.effects.touching import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.filter.by_run import swept
+from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 
 FINEST = 32  # parts of the model's time step at most
 
 
-def refined(
-    recording: Recording,
-    runs: Sequence[Run],
-    begin: Callable,
-    noise: np.ndarray,
-    refine: int = 0,
-    placed: Sequence[Placed] = (),
+def begun_at(
+    recording: Recording, runs: Sequence[Run], begin: Callable[[Track], States], refine: int = 1
 ) -> tuple[Track, States]:
-    """The track at a time step whose error moves no reading, and the states to begin with.
+    """The track at a part of the model's time step, at most half a sample, and the states to begin with.
 
     Where nothing touches along the measured motion, nothing is simulated that might: looking for contacts of meshes
     takes longer than all else, and their time step is fine.
 
     Args:
-        begin: of a track, the states that the measurements show. refine: parts of the model's step, 0: as needed.
-        placed: effects that are known already.
+        begin: of a track, the states that the measurements show. refine: parts of the model's step.
     """
-    if refine:
-        asked = Track(Simulator(recording, refine), runs)
-        return asked, begin(asked)
-    refine, apart = 1, False
-    track: Track | None = None
-    states: States | None = None
-    errors: list[float] = []
-    while True:
-        finer = Track(Simulator(recording, refine, apart), runs)
-        if finer.simulator.substeps < 2:
-            refine *= 2
-            continue
-        if states is None:
-            states = begin(finer)
-            apart = can_touch(finer.model) and not finer.touching(states).any()
-            finer = Track(Simulator(recording, refine, apart), runs) if apart else finer
-        if track is not None:
-            errors.append(halving_error(track, finer, states, noise, placed))
-            if errors[-1] < DOUBT:
-                return track, states
-        # Contact may have an error that falls slowly: where the finest is not fine enough, none in between is asked.
-        if can_touch(finer.model) and len(errors) > 1 and _ends_at(errors, FINEST / refine) > DOUBT:
-            return Track(Simulator(recording, FINEST, apart), runs), states
-        track, refine = finer, 2 * refine
-        if refine > FINEST:
-            return track, states
+    while (simulator := Simulator(recording, refine)).substeps < 2:
+        refine *= 2
+    track = Track(simulator, runs)
+    states = begin(track)
+    apart = can_touch(track.model) and not track.touching(states).any()
+    return (Track(Simulator(recording, refine, apart), runs) if apart else track), states
 
 
-def _ends_at(errors: Sequence[float], finer: float) -> float:
-    """The error of a step so many times `finer`, where each halving does what the last one did."""
-    return errors[-1] * (errors[-1] / errors[-2]) ** np.log2(finer)
+def settled(fit: Smoothed, begun: States, noise: np.ndarray, progress: Callable = lambda line: None) -> Smoothed:
+    """`fit`, at a time step so fine that half of it shows in no reading; at the finest, where none is.
+
+    Args:
+        begun, noise: as in `smooth`.
+    """
+    while fit.track.simulator.refine < FINEST and not step_error(fit) < DOUBT:
+        track = _at_half(fit.track)
+        progress(f"smoothing: {track.simulator.substeps} time steps in a sample")
+        for like in (fit if np.isfinite(fit.chi2) else None, None):
+            theta, frozen = None if like is None else fit.theta, not fit.numbers
+            found = smooth(track, begun, noise, fit.placed, fit.priors, like, theta, progress, frozen=frozen)
+            if np.isfinite(found.chi2) or like is None:
+                break
+        fit = found
+    return fit
 
 
-def halving_error(track: Track, finer: Track, states: States, noise: np.ndarray, placed: Sequence[Placed]) -> float:
-    """Measure how far half the time step moves readings a sample later, root sum of squares over all of them, beside
-    their noise and the least share that is asked for of what the model misses."""
-    ends = []
-    for own in (track, finer):
-        still = np.zeros_like(states.qvel), np.ones_like(states.qvel)
-        plant = plant_of(own, placed, own.simulator.theta, states, *still)
-        after = plant.step(states, plant.tau).after
-        ends.append(plant.step(after, plant.tau).readings)
-    next_rows = np.flatnonzero(~track.last)
-    missed = ends[1][next_rows] - track.measured[next_rows + 1]
-    scale = np.sqrt(noise**2 + SHARE * np.nanmedian(missed**2, axis=0))
-    off = (ends[1] - ends[0]) / scale
-    known = ~own.late & np.isfinite(off).all(0)
-    return float(np.sqrt(np.sum(np.minimum(off[:, known] ** 2, 1e12)))) if known.any() else 0.0
+def step_error(fit: Smoothed) -> float:
+    """Measure how far half the time step moves all readings together beside noise and missing force, in sd: the root of
+    its non-centrality, as that of any effect."""
+    track, linear = fit.track, fit.linear
+    if not np.isfinite(fit.chi2):
+        return np.inf
+    sign, ends = linear.plant.rubbing.sign, []
+    for own in (track, _at_half(track)):
+        plant = plant_of(own, fit.placed, fit.theta, fit.states, fit.tau, fit.doubt, sign, linear.plant.surprise)
+        ends.append(plant.step(fit.states, fit.tau))
+    after = linear.rubbed @ track.space.minus(ends[1].after, ends[0].after)[:, :, None]
+    left = (ends[0].readings - ends[1].readings)[:, :, None]
+    if not (np.isfinite(after).all() and np.isfinite(left).all()):
+        return np.inf
+    # The first column has the starts of the runs in it.
+    column = replace(linear, offsets=_beside_nothing(after), left=_beside_nothing(left))
+    innovations, _ = swept(track, column, fit.filter, np.zeros((*fit.tau.shape, 2)))
+    return float(np.linalg.norm(innovations[:, :, 1]))
+
+
+def _beside_nothing(column: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.concatenate([np.zeros_like(column), column], axis=2))
+
+
+def _at_half(track: Track) -> Track:
+    """The same at half the time step; what was simulated so far counts on."""
+    own = track.simulator
+    finer = Track(Simulator(own.recording, 2 * own.refine, own.apart), track.runs)
+    finer.steps = round(track.quanta * finer.count * finer.simulator.substeps)
+    return finer

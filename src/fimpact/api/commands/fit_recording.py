@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,8 @@ from fimpact.selection.forced import fit_forced
 from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.prepare import prepare
-from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.smoother import Smoothed
+from fimpact.smoothing.time_step import settled
 
 
 @dataclass(frozen=True)
@@ -79,15 +80,18 @@ def fit_effects(
     """
     places = _places(recording, names)
     progress("fitting the model as it is")
-    prepared = prepare(recording)
-    naive = smooth(prepared.track, prepared.begun, prepared.noise, progress=progress)
+    prepared = prepare(recording, progress=progress)
+    naive = prepared.naive
     progress(f"refitting with {', '.join(names)}")
     best = fit_forced(prepared, naive, places, progress)
+    if best.converged:
+        best = settled(best, prepared.begun, prepared.noise, progress)
     if not best.converged:
         raise CaseError(
             f"the fit with {', '.join(names)} does not converge: the training runs of {where} show nothing of it that "
             "the unknowns would not do as well, or it diverges; leave out one of them"
         )
+    prepared = replace(prepared, track=best.track)
     simulator, hypotheses = prepared.simulator, [Hypothesis(fit.theta, fit.placed) for fit in (naive, best)]
     progress("proving on held-out runs")
     proof = prove(

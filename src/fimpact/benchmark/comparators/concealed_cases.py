@@ -25,7 +25,7 @@ from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.smoothing.candidates import candidates
 from fimpact.smoothing.columns import columns, motion_scales
 from fimpact.smoothing.prepare import Prepared, prepare
-from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.smoother import Smoothed
 
 STARTS, SPREAD = 5, 3.0  # of mujoco.sysid, and prior standard deviations within which they are drawn
 NOTHING = "none"
@@ -51,7 +51,7 @@ def compare_part(
 def compare(recording: Recording, peers: Sequence[str], report: Report = lambda line: None) -> dict[str, Any]:
     """Held-out error and seconds of each of the `peers` on one recording."""
     prepared = prepare(recording)
-    naive = smooth(prepared.track, prepared.begun, prepared.noise)
+    naive = prepared.naive
     out: dict[str, Any] = {}
     for name in peers:
         report(f"{name} of {prepared.track.count} samples")

@@ -11,7 +11,6 @@ from fimpact.recordings import Recording
 from fimpact.selection.forced import fit_forced
 from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.smoothing.prepare import prepare
-from fimpact.smoothing.smoother import smooth
 
 
 def oracle_error(recording: Recording, truth: Truth) -> float | None:
@@ -27,7 +26,7 @@ def oracle_error(recording: Recording, truth: Truth) -> float | None:
 
 def _oracle(recording: Recording, truth: Truth) -> float | None:
     prepared = prepare(recording)
-    naive = smooth(prepared.track, prepared.begun, prepared.noise)
+    naive = prepared.naive
     places = [(EFFECTS[effect.name], effect.site) for effect in truth.effects]
     known = fit_forced(prepared, naive, places, known=[effect.values for effect in truth.effects])
     proof = prove(prepared, {"oracle": (prepared.proving, Hypothesis(known.theta, known.placed))})

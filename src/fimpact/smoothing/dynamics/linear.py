@@ -96,7 +96,7 @@ def _moved(response: Response, numbers, placed, index: int, doubt, sign) -> Chan
     changed = [replace(n, value=value) if i == index else n for i, n in enumerate(numbers)]
     own = response.states, response.tau, doubt, sign, response.plant.surprise
     plant = plant_of(response.track, placed_of(changed, placed), theta_of(changed), *own)
-    return response(plant, roughly=True).scaled(1 / number.nudge)
+    return response(plant).scaled(1 / number.nudge)
 
 
 def _rubbed(plant: Plant, slopes: Slopes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,7 +6,6 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fimpact.effects.touching import can_touch
 from fimpact.effects.wiring import ON_JOINT
 from fimpact.simulation.servo_steps import is_long
 from fimpact.smoothing.dynamics.inverse import EDITED, RESTING, Inverse, edits
@@ -65,17 +64,16 @@ class Change:
 class Response:
     """What changes of `plant` do along `states` with the missing force `tau`, (N, nv).
 
-    coarsely: what is asked for roughly is judged at the model's own time step, in contact too.
+    All at the time step that the model itself has: a derivative hardly feels its error, but one at another step than
+    its like makes of a steady push a drift.
     """
 
-    def __init__(
-        self, plant: Plant, states: States, tau: np.ndarray, inverse: Inverse | None = None, coarsely: bool = False
-    ):
-        self.plant, self.states, self.tau, self.coarsely = plant.plain, states, tau, coarsely
+    def __init__(self, plant: Plant, states: States, tau: np.ndarray, inverse: Inverse | None = None):
+        self.plant, self.states, self.tau = plant.coarse, states, tau
         self.track = plant.track
         self.long = is_long(plant.model, self.track.period)
         self.inverse = inverse or Inverse(self.track, states)
-        self._told: tuple[Commands, bool, Step] | None = None
+        self._told: tuple[Commands, Step] | None = None
         self.simulated = 0  # changes so far that took a simulation
 
     @cached_property
@@ -83,28 +81,14 @@ class Response:
         """The samples ahead under the plant itself."""
         return self.plant.step(self.states, self.tau)
 
-    @cached_property
-    def _near(self) -> Step:
-        """The same roughly."""
-        plant = self._rough(self.plant)
-        return self.near if plant.model is self.plant.model else plant.step(self.states, self.tau)
-
-    def _rough(self, plant: Plant) -> Plant:
-        """`plant` at the step at which a fit's derivatives are taken: the model's own, but for contact, where a
-        coarse one errs more. Where a fit ends, they hardly count; what a column says is read off them."""
-        return plant.plain if can_touch(plant.model) and not self.coarsely else plant.coarse
-
     def slopes(self, spread: np.ndarray | None = None) -> Slopes:
-        """Derivatives by state and missing force: one simulation of all samples for each coordinate, at the model's own
-        time step: a derivative hardly feels its error.
+        """Derivatives by state and missing force: one simulation of all samples for each coordinate.
 
         Args:
             spread: sd of the missing force, (nv,), to both sides of which its derivative is taken; None: it is the
                 tangent.
         """
-        track, space, plant = self.track, self.track.space, self.plant.coarse
-        same = plant.model.opt.timestep == self._rough(self.plant).model.opt.timestep
-        near = self._near if same else plant.step(self.states, self.tau)
+        track, space, plant, near = self.track, self.track.space, self.plant, self.near
         n, nv = space.size, track.model.nv
         advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
         tiny = 1e-4 * np.maximum(track.model.dof_M0, 1e-9) / track.period
@@ -130,21 +114,20 @@ class Response:
         sizes = track.space.size, len(track.recording.channels), track.model.nv
         return Change(*(np.zeros((track.count, size)) for size in sizes))
 
-    def __call__(self, plant: Plant, told: Commands | None = None, roughly: bool = False) -> Change:
+    def __call__(self, plant: Plant, told: Commands | None = None) -> Change:
         """What `plant` does more than this response's own.
 
         Args:
-            told: commands under which both are judged; None: each under its own. roughly: at the step of `_rough`.
+            told: commands under which both are judged; None: each under its own.
         """
         held = self._held(plant, told)
         if held is not None:
             return held
-        near = self._near if roughly else self.near
+        near = self.near
         if told is not None:
-            plant, near = replace(plant, ctrl=told), self._under(told, roughly)
-        judged = self._rough(plant) if roughly else plant.plain
+            plant, near = replace(plant, ctrl=told), self._under(told)
         self.simulated += 1
-        found = judged.step(self.states, self.tau * heavier(plant.model, self.plant.model))
+        found = plant.coarse.step(self.states, self.tau * heavier(plant.model, self.plant.model))
         nothing = self.nothing()
         return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
 
@@ -179,11 +162,10 @@ class Response:
     def _raw(self) -> Step:
         return self.track.ahead(self.plant.models, self.states, self.plant.ctrl, self.plant.force + self.tau)
 
-    def _under(self, told: Commands, roughly: bool) -> Step:
-        if self._told is None or self._told[0] is not told or self._told[1] != roughly:
-            plant = self._rough(self.plant) if roughly else self.plant
-            self._told = told, roughly, replace(plant, ctrl=told).step(self.states, self.tau)
-        return self._told[2]
+    def _under(self, told: Commands) -> Step:
+        if self._told is None or self._told[0] is not told:
+            self._told = told, replace(self.plant, ctrl=told).step(self.states, self.tau)
+        return self._told[1]
 
 
 def heavier(after: mujoco.MjModel, before: mujoco.MjModel) -> np.ndarray:
