@@ -9,17 +9,18 @@ LOUDER = (30.0, 15.0, 8.0, 4.0, 2.0)  # times their noise: sensors of force and 
 SWITCH = 2  # samples before and after a contact begins or ends that belong to neither mode
 TRUSTED = (0.1, 30.0)  # times what the samples show: noise levels of the readings that are believed
 HELD = 2.0  # decays within a sample, of a speed or of what bends a servo: beyond, no force is held over it
-DOUBT = 0.3  # standard deviation, over all readings: what is left of the error of the time step from which it is halved
+DOUBT = (
+    1.0  # standard deviation, of all readings together: what is left of the error of the time step moves them by less
+)
 
 # Selection
-P_ALARM = 0.05  # family-wise chance of a false alarm, over all hypotheses that are tried
+P_ALARM = 0.01  # family-wise chance of a false alarm, over all hypotheses that are tried
 UNLIKELY = 0.05  # relative likelihood below which a rival has left the set
 TIED = 1.0  # twice log likelihoods: less is not worth a mention (Kass and Raftery 1995); the engineer's order decides
 SHARE = 0.02  # of the squared missing force at its place: less is no explanation an expert would give (METHOD 6)
 REFINES = 0.10  # of what is left at its place: least share of what is asked for beside what is in (METHOD 5.6)
 MOSTLY = 0.5  # of what is left at its place: a refinement that takes less is told as small
 NOTHING = 1e-3  # of what such parts have, or of the force of a motion: less is nothing
-FOLDS = 5  # of blocked validation
 STRETCHES = 10  # least number of stretches from which a spread is estimated
 BELIEF = 2.0  # sd of the normal: as rarely may a gain be none; and prior ones that a size is believed (METHOD 5, 6)
 CONFIDENCE = 0.95  # of intervals

@@ -34,7 +34,10 @@ def regression(planted: dict[int, float], columns: np.ndarray, noise: float = 1.
     data = noise * rng.standard_normal(COUNT) + sum(size * columns[:, i] for i, size in planted.items())
     rows = np.concatenate([data[:, None], columns], 1)[:, None]
     track = SimpleNamespace(count=COUNT, slices=lambda: [slice(0, COUNT)])
-    smoothed = SimpleNamespace(numbers=(), placed=(), count=COUNT, track=track, tau=rng.standard_normal((COUNT, 1)))
+    levels = SimpleNamespace(summed=lambda squared: squared.sum(0)[None])
+    smoothed = SimpleNamespace(
+        numbers=(), placed=(), count=COUNT, track=track, tau=rng.standard_normal((COUNT, 1)), levels=levels
+    )
     tried = tuple(candidate("viscous", f"j{i}") for i in range(count))
     return Regression(smoothed, Columns(rows, rows, tried, tuple((i, 0) for i in range(count))))
 
@@ -48,12 +51,12 @@ def alone(count: int) -> list[Option]:
 
 
 def found(own: Regression, offered: list[Option]):
-    return search(own, offered, (own.columns.forces[:, :, 0] ** 2).sum(0), SHARE)
+    return search(own, offered, (own.columns.forces[:, :, 0] ** 2).sum(0)[None], SHARE)
 
 
 def tried(own: Regression, option: Option) -> Trial | None:
     now = own.proper(range(own.p))
-    missing = (own.columns.forces[:, :, 0] ** 2).sum(0)
+    missing = (own.columns.forces[:, :, 0] ** 2).sum(0)[None]
     return attempt(own, now, own.errors(now), own.forces_left(now), missing, option)
 
 
@@ -128,8 +131,8 @@ def refits(option: Option, kept: dict[int, float], coupled: bool = False, conver
     members = [candidate("coulomb", "a", 2.0), candidate("coulomb", "b", 8.0), candidate("viscous", "a", 0.1)]
     members.append(candidate("viscous", "other", 0.05))
     columns = SimpleNamespace(candidates=members, owners=tuple((i, 0) for i in range(len(members))))
-    estimate = Estimate(tuple(kept), np.array(list(kept.values())), 0.0, np.zeros((5, len(kept))))
-    trial, made = Trial(option, estimate, 0.0, 1.0, 0.1, 0.8, 1.0, 0, np.zeros(1)), []
+    estimate = Estimate(tuple(kept), np.array(list(kept.values())), 0.0)
+    trial, made = Trial(option, estimate, 0.0, 1.0, 0.1, 0.8, 1.0, (0, 0), np.zeros(1)), []
 
     def refitted(regression, own):
         made.append(own)
@@ -222,7 +225,7 @@ def test_a_compound_that_is_far_behind_is_not_chosen():
 
 def test_no_share_is_more_than_all_that_was_missing():
     own = regression({0: 0.8}, white(1))
-    little = 1e-3 * (own.columns.forces[:, :, 0] ** 2).sum(0)
+    little = 1e-3 * (own.columns.forces[:, :, 0] ** 2).sum(0)[None]
     assert search(own, alone(1), little, SHARE).chosen.share == 1.0
 
 
@@ -231,12 +234,12 @@ def test_what_only_brings_unknowns_back_to_their_priors_gives_way_to_what_gains_
     """An unknown that data drive far from its prior, a candidate with nearly the same column, and another one."""
     columns = white(3)
     columns[:, 1] = columns[:, 0] + 0.01 * columns[:, 1]
-    own = regression({0: 0.2, 2: gain}, columns)
+    own = regression({0: 0.25, 2: gain}, columns)
     unknown = SimpleNamespace(place=-1, away=0.0, spread=0.05, log=False, value=0.0, name="mass", of="mass@link")
     smoothed = SimpleNamespace(**{**vars(own.smoothed), "numbers": (unknown,)})
     tried = tuple(candidate("viscous", f"j{i}") for i in range(2))
     own = Regression(smoothed, replace(own.columns, candidates=tried, owners=((0, 0), (1, 0))))
-    much = 1e9 * np.ones(1)  # force, of which neither takes a share
+    much = 1e9 * np.ones((1, 1))  # force, of which neither takes a share
     told = search(own, [Option("viscous@j0", 0, (0,)), Option("viscous@j1", 1, (1,))], much, SHARE)
     first = next(t for t in told.tried if t.option.name == "viscous@j0")
     assert first.hidden and first.sure > 0 and (told.chosen is not None) == chosen

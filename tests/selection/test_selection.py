@@ -1,5 +1,6 @@
 """What is missing is named at its places with its values, and nothing else; where nothing is missing, nothing is."""
 
+import copy
 from dataclasses import replace
 from functools import cache
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from recorded import ROD, arm, record, rod, rub, waves
 
-from fimpact.deciding import NOTHING
+from fimpact.deciding import NOTHING, SHARE
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
@@ -42,7 +43,7 @@ def intervals(found: Explanation) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of every number."""
     p = len(found.final.numbers)
     regression = Regression(found.final, columns(found.final, []))
-    own = regression.covariance(Estimate(tuple(range(p)), np.zeros(p), 0.0, np.zeros((0, p))))
+    own = regression.covariance(Estimate(tuple(range(p)), np.zeros(p), 0.0))
     told = zip(found.final.numbers, np.sqrt(np.diag(own)), strict=True)
     return {f"{n.name} of {n.of}": (n.value, float(sd * n.slope)) for n, sd in told}
 
@@ -74,9 +75,10 @@ def test_an_effect_of_a_class_is_pruned_to_where_it_is():
 def test_where_next_to_nothing_is_missing_little_takes_no_share_of_it():
     made = prepare(arm((0.15, 0.0)))
     state = Search(made.track, made.begun, made.noise, [EFFECTS["coulomb"]], lambda line: None)
-    shoulder, elbow = state.missing / (state.naive.tau**2).sum(0)
-    assert shoulder == 1 and elbow > 10
-    assert np.sqrt(state.missing[1] / made.track.count) == pytest.approx(NOTHING * state.scales.force[1])
+    (whole,) = state.whole(state.current, SHARE)
+    shoulder, elbow = whole / (state.naive.tau**2).sum(0)
+    assert shoulder == pytest.approx(1) and elbow > 10
+    assert np.sqrt(whole[1] / made.track.count) == pytest.approx(NOTHING * state.scales.force[1])
 
 
 def offset_rod() -> Recording:
@@ -115,26 +117,43 @@ def test_what_has_a_sign_that_physics_forbids_leaves(sign, kept):
     assert (regression.solve([0]).values[0] > 0) == kept
 
 
-def test_stretches_are_left_out_whole():
+def test_what_a_stretch_would_have_is_from_all_that_are_not_near_it():
     regression, _ = asked(1.0)
     found = regression.solve([0, 1])
-    owner = regression.fold[regression.stretch]
-    assert len(found.folds) == 5 and set(owner) == set(range(5))
-    for rows in regression.smoothed.track.slices():
-        assert (np.diff(owner[rows]) >= 0).all()
+    elsewhere = regression.elsewhere(found)
+    assert elsewhere.shape == (regression.count, 2)
     changes = np.flatnonzero(np.diff(regression.stretch))
     assert len(changes) + 1 == regression.count >= 10
+    others = copy.copy(regression)
+    near = np.flatnonzero(regression.near[0])
+    assert list(near) == ([0, 1] if regression.dispersion > 1 else [0])
+    others.gram, others.right = (np.delete(own, near, 0) for own in (others.gram, others.right))
+    np.testing.assert_allclose(elsewhere[0], others.solve([0, 1], regression.dispersion).values, rtol=1e-6)
+
+
+def test_neighbours_are_left_out_too_where_what_is_left_is_no_white_noise():
+    regression, _ = asked(1.0)
+    first, last = regression.stretch[[part.start for part in regression.smoothed.track.slices()]], []
+    for dispersion in (1.0, 1.5):
+        own = copy.copy(regression)
+        own.__dict__.pop("near", None)
+        own.__dict__["dispersion"] = dispersion
+        last.append(own.near)
+    np.testing.assert_array_equal(last[0], np.eye(regression.count))
+    assert (last[1].sum(1) <= 3).all() and (np.diag(last[1]) == 1).all()
+    for begin in first[1:]:  # another run is another recording
+        assert last[1][begin, begin - 1] == 0 and last[1][begin, begin + 1] == 1
 
 
 def test_the_error_of_a_stretch_is_that_of_values_from_the_others():
     regression, _ = asked(1.0)
     found = regression.solve([0, 1])
     rows = regression.columns.innovations
-    values = found.folds[owner := regression.fold[regression.stretch]]
+    values = regression.elsewhere(found)[regression.stretch]
     left = rows[:, :, 0] - np.einsum("kac,kc->ka", rows[:, :, 1:3], values)
     expected = np.bincount(regression.stretch, (left**2).sum(1), regression.count)
     np.testing.assert_allclose(regression.errors(found), expected, rtol=1e-8)
-    assert len(set(map(tuple, values))) == 5 and len(owner) == regression.smoothed.track.count
+    assert len(set(map(tuple, values))) == regression.count
 
 
 def test_hypotheses_are_classes_first_then_places_alone():

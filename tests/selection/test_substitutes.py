@@ -12,7 +12,7 @@ from test_forward import COUNT, alone, regression, white
 from fimpact.effects import EFFECTS
 from fimpact.selection import rivals
 from fimpact.selection.forward import Search
-from fimpact.selection.one_round import worth
+from fimpact.selection.one_round import share_of
 from fimpact.selection.options import Option, options
 from fimpact.selection.regression import Regression
 from fimpact.selection.rivals import among_rivals, exchanged
@@ -137,11 +137,11 @@ def test_a_gear_that_shows_in_its_encoder_alone_is_worth_the_force_that_it_saves
     own = at(EFFECTS["coulomb"], "pivot", made.track.model, motion_scales(naive))[0]
     fit = smooth(made.track, made.begun, made.noise, [own.placed([0.15])], [own.priors], naive)
     whole = Regression(fit, columns(fit, []))
-    missing, column = (naive.tau**2).sum(0), len(fit.numbers) - 1
-    force = worth(whole, column, 1.0, missing).share
+    missing, column = naive.missing, len(fit.numbers) - 1
+    force = share_of(whole, column, 1.0, missing)
     weak = replace(fit, linear=replace(fit.linear, offsets=1e-6 * fit.linear.offsets))
     shown = Regression(weak, whole.columns)
-    assert worth(shown, column, 1.0, missing).share > 1e-2 * force
+    assert share_of(shown, column, 1.0, missing) > 1e-2 * force
 
 
 def test_a_rival_that_was_not_refitted_counts_no_more_than_the_answer(monkeypatch):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fimpact.deciding import SHARE
 from fimpact.effects.base import Effect, Scales
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import Round
@@ -33,7 +34,6 @@ class Explanation:
     alternatives: tuple[Alternative, ...]
     p: float
     scales: Scales
-    missing: np.ndarray
     left: Leftover
     unasked: tuple[str, ...] = ()
     asked: Callable[[], Regression] | None = None
@@ -41,16 +41,17 @@ class Explanation:
 
 def explain(
     track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable = lambda line: None,
-    limits: Limits | None = None, late: Sequence[Way] = (),
+    limits: Limits | None = None, late: Sequence[Way] = (), naive: Smoothed | None = None,
 ) -> Explanation:  # fmt: skip
     """Find what is missing: classes of physics and single odd effects, and small refinements of both, as far as
     `limits` go.
 
     Args:
-        late: how late all motors may be, as the readings show it before anything else is known.
+        late: how late all motors may be, as the readings show it before anything else is known. naive: the fit of the
+            naive model, where it is known.
     """
     limits = limits or Limits()
-    state = Search(track, begun, noise, limits.effects(effects), progress)
+    state = Search(track, begun, noise, limits.effects(effects), progress, naive)
     state.limits = limits
     if state.asks():
         align(state, late)
@@ -61,5 +62,5 @@ def explain(
     final = state.current = simplified(state)
     return Explanation(
         state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint,
-        state.scales, state.missing, leftover(final, state.missing), limits.unasked(state.stopped), state.beside,
+        state.scales, leftover(final, state.whole(final, SHARE)), limits.unasked(state.stopped), state.beside,
     )  # fmt: skip

@@ -24,6 +24,7 @@ from fimpact.smoothing.parameters import placed_of, theta_of
 from fimpact.smoothing.simulated_laws import Simulated
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
+from fimpact.smoothing.time_step import settled
 
 
 class Search:
@@ -31,9 +32,12 @@ class Search:
 
     limits = Limits()
 
-    def __init__(self, track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable):
+    def __init__(
+        self, track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable,
+        naive: Smoothed | None = None,
+    ):  # fmt: skip
         self.track, self.begun, self.noise, self.progress = track, begun, noise, progress
-        self.naive = self.current = smooth(track, begun, noise, progress=progress)
+        self.naive = self.current = naive or smooth(track, begun, noise, progress=progress)
         if not np.isfinite(self.naive.chi2) or not np.isfinite(self.naive.tau).all():
             raise ValueError(
                 "The model runs away within one sample of the recording: its states there are no states of the model. "
@@ -41,8 +45,7 @@ class Search:
             )
         self.scales = motion_scales(self.naive)
         self.candidates = candidates(effects, track, self.scales)
-        # Where next to nothing is missing of the force of the motion, it is no news that little takes a share of it.
-        self.missing = np.maximum((self.naive.tau**2).sum(0), track.count * (NOTHING * self.scales.force) ** 2)
+        self.missing = self.naive.tau**2  # (N, nv)
         self.rounds: list[Round] = []
         self.alternatives: list[Alternative] = []
         self.dropped: set[str] = set()
@@ -55,6 +58,7 @@ class Search:
         self.first: tuple[Regression, Round] | None = None
         self.asked: Regression | None = None
         self._simulated = Simulated()
+        self._settled: Smoothed | None = self.naive
         self.hint = 1.0  # chance of the strongest hint of the first round
 
     @property
@@ -94,13 +98,13 @@ class Search:
         places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
         return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
 
-    def searched(self, tried: list[Candidate], missing: np.ndarray, floor: float) -> tuple[Regression, Round]:
+    def searched(self, tried: list[Candidate]) -> tuple[Regression, Round]:
         """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""
         steps = self.track.steps
         offered = self._without_second_gears(tried)
         while True:
             regression = Regression(self.current, columns(self.current, tried, self._simulated))
-            found = search(regression, offered, missing, floor)
+            found = search(regression, offered, self.whole(self.current, SHARE), SHARE)
             most = max((t.gain for t in found.tried), default=0.0)
             best = [t for t in found.tried if t.p < P_ALARM and 2 * t.gain >= most]
             if not self._simulated.renew(units([tried[i] for t in best for i in t.option.members])):
@@ -135,21 +139,32 @@ class Search:
         First what takes a share of all that was missing; then what takes one of what is left beside it, where that is
         little; then what may stand in the place of something else.
         """
+        self._settle()
         regression, found = self._asked_anew()
         if found.chosen is not None:
-            return self.adopt(regression, found, self.missing, SHARE)
+            return self.adopt(regression, found, SHARE)
         if self.current.placed and not self.limits.quick:
-            later = search(regression, self._without_second_gears(regression.columns.candidates), self.left(), REFINES)
+            offered = self._without_second_gears(regression.columns.candidates)
+            later = search(regression, offered, self.whole(self.current, REFINES), REFINES)
             if later.chosen is not None:
-                return self.adopt(regression, later, self.left(), REFINES)
+                return self.adopt(regression, later, REFINES)
         self.rounds += [] if self.tries > 1 or self.rounds else [found]
         return exchanged(self, regression, self.offered(self.open()))
+
+    def _settle(self) -> None:
+        """See that the time step is fine enough: the less is missing, the more of its error shows."""
+        if self.current is self._settled:
+            return
+        fit = settled(self.current, self.begun, self.noise, self.progress)
+        if fit is not self.current and fit.converged:
+            self.current, self.track, self._simulated = fit, fit.track, Simulated()
+        self._settled = self.current
 
     def _asked_anew(self) -> tuple[Regression, Round]:
         if self.first and self.first[0].smoothed is self.current:
             regression, found = self.first
         else:
-            regression, found = self.searched([*self.open(), *self.held_back()], self.missing, SHARE)
+            regression, found = self.searched([*self.open(), *self.held_back()])
         self.first, self.asked = None, regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
@@ -159,16 +174,16 @@ class Search:
         )
         return regression, found
 
-    def adopt(self, regression: Regression, found: Round, missing: np.ndarray, floor: float) -> bool:
+    def adopt(self, regression: Regression, found: Round, floor: float) -> bool:
         """Refit with what a round chose; False where too many refits in a row have not converged.
 
         Args:
-            missing: squared force, (nv,), of which each effect must bear the share `floor`.
+            floor: the share of `whole` that each effect must bear.
         """
         assert found.chosen is not None
         chosen, others, known = found.chosen, self.alternatives, {p.name for p in self.current.placed}
-        left = (self.current.tau**2).sum(0)[chosen.place]
-        small = floor == REFINES and chosen.share * missing[chosen.place] < MOSTLY * left
+        missing, left = self.whole(self.current, floor), self.current.missing
+        small = floor == REFINES and chosen.share * missing[chosen.place] < MOSTLY * left[chosen.place]
         small = small and all(self._refines(regression.columns.candidates[i]) for i in chosen.option.members)
         steps = self.track.steps
         self.alternatives = []
@@ -179,7 +194,7 @@ class Search:
             self.track.steps = steps  # no other question goes unasked because this one came first
             self.parts |= {law.name for law in best.placed} - known
         weak, self.weak = self.weak, set()
-        best = pruned(self, best, missing, floor)
+        best = pruned(self, best, floor)
         self.failed.add(chosen.option.name)
         spread = regression.dispersion
         if not best.converged or best.loss(spread) > self.current.loss(spread):
@@ -193,10 +208,16 @@ class Search:
         self.alternatives += [replace(a, placed=(*a.placed, *added)) for a in others]
         return True
 
-    def left(self, fit: Smoothed | None = None) -> np.ndarray:
-        """Squared force, (nv,), of which a refinement must take its share: what is left beside `fit`, default: what is
-        in, but no less than what would not have been worth a name at first."""
-        return np.maximum(((fit or self.current).tau ** 2).sum(0), SHARE * self.missing)
+    def whole(self, fit: Smoothed, floor: float, beside: Smoothed | None = None) -> np.ndarray:
+        """Squared force, (contact modes of `fit`, nv), of which the share `floor` is asked for: all that was missing at
+        first, or of a refinement what is left beside a fit, default: what is in, but no less than what would not have
+        been worth a name at first."""
+        # Where next to nothing is missing of the force of the motion, it is no news that little takes a share of it.
+        least = fit.levels.summed(np.ones_like(self.missing) * (NOTHING * self.scales.force) ** 2)
+        every = np.maximum(fit.levels.summed(self.missing), least)
+        if floor != REFINES:
+            return every
+        return np.maximum(fit.levels.summed((beside or self.current).tau ** 2), SHARE * every)
 
     def refitted(self, regression: Regression, trial: Trial | Exchange, out: Collection[int] = ()) -> Smoothed:
         """The fit with the members of `trial`, begun where the regression has them, without the effects `out`."""

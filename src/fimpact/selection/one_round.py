@@ -5,7 +5,7 @@ were not fitted, and where it takes away a share of the missing force at some pl
 the earlier in the engineer's order; all that data cannot tell from it is its set.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy import stats
 from fimpact.deciding import P_ALARM, REFINES, TIED, UNLIKELY
 from fimpact.effects.sites import measured_by
 from fimpact.selection.options import Option
-from fimpact.selection.regression import Estimate, Regression, chance, least
+from fimpact.selection.regression import Estimate, Regression, chance, inverse, least
 from fimpact.smoothing.smoother import inverse_of_push
 
 
@@ -24,10 +24,9 @@ class Trial:
 
     p: chance of its gain over all that was tried. gain, error, sure: predicted on stretches that were not fitted, in
     squared innovations, with what is nearer to the priors, its standard error, and what it is at the least, whichever
-    stretches were recorded. share, place: largest share of the missing force that it takes away (of all that is not
-    predicted, where it is no force), and the degree of freedom where. errors: (stretches,) squared innovations left.
-    places: ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for
-    it.
+    stretches were recorded. share, place: largest share of the missing force that it takes away (1 of what is
+    no force), and its contact mode and degree of freedom. errors: (stretches,) squared innovations left. places:
+    ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for it.
     """
 
     option: Option
@@ -37,7 +36,7 @@ class Trial:
     error: float
     sure: float
     share: float
-    place: int
+    place: tuple[int, int]
     errors: np.ndarray
     places: tuple[str, ...] = ()
     hidden: bool = False
@@ -57,16 +56,16 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     """Try every option beside what is in.
 
     Args:
-        missing: squared force, (nv,), of which an option must take the share `floor` somewhere.
+        missing: squared force, (contact modes, nv), of which an option must take the share `floor` somewhere.
     """
     now = regression.proper(range(regression.p))
     errors, forces = regression.errors(now), regression.forces_left(now)
     found = [attempt(regression, now, errors, forces, missing, option) for option in offered]
     tried = sorted((t for t in found if t), key=lambda t: -t.gain)
-    likely = [t for t in tried if t.p < P_ALARM and t.gain > 0 and t.share > floor]
-    good = [t for t in likely if t.sure > 0]
+    likely = [t for t in tried if t.p < P_ALARM and (t.gain > 0 or regression.white) and t.share > floor]
+    good = [t for t in likely if t.sure > 0 or regression.white]
     # What pulls unknowns from their priors is what fits best, not whatever brings them back.
-    best = next((t for t in tried if t.p < P_ALARM and t.sure > 0), None)
+    best = next((t for t in tried if t.p < P_ALARM and (t.sure > 0 or regression.white)), None)
     good = [t for t in good if best is None or not t.hidden or lag(regression, best, t) < TIED]
     if not good:
         return Round(None, (), tuple(tried))
@@ -131,24 +130,23 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     p = min(1.0, chance(gain, dispersion, added) * regression.independent)
     left = regression.errors(found)
     whole = regression.force_of(now, found)
-    taken = (forces - regression.forces_left(found)).sum(0) if whole is None else whole
+    taken = forces - regression.forces_left(found) if whole is None else whole
     taken = taken / np.maximum(missing, 1e-300)
-    place, better = int(np.argmax(taken)), errors - left
+    mode, dof = np.unravel_index(np.argmax(taken), taken.shape)
+    place, better = (int(mode), int(dof)), errors - left
     # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
     relief = regression.tension(now) - regression.tension(found)
     # Where the smoother leaves next to no force, what shows in the readings is all of it, and not many times it.
     hidden = relief > better.sum() and relief > 0
-    share = 1.0 if hidden else min(float(taken[place]), 1.0)
-    if all(_is_no_force(regression, i) for i in option.members):
-        share = max(share, float(better.sum() / errors.sum()))
+    shown_only = all(_is_no_force(regression, i) for i in option.members)
+    share = 1.0 if hidden or shown_only else min(float(taken[place]), 1.0)
     error, sure = float(better.std() * np.sqrt(len(better))), least(better) + relief
     places = places_of(regression, found)
     return Trial(option, found, p, float(better.sum()) + relief, error, sure, share, place, left, places, bool(hidden))
 
 
 def _is_no_force(regression: Regression, member: int) -> bool:
-    """Whether a candidate is an error of sensors of force or acceleration: the trajectory does not follow those, and so
-    it shows in what is not predicted, not in the missing force."""
+    """Whether a candidate is an error of sensors of force or acceleration: the trajectory does not follow those."""
     candidate, track = regression.columns.candidates[member], regression.smoothed.track
     if candidate.effect.enters != "measurement":
         return False
@@ -178,28 +176,28 @@ def lag(regression: Regression, best: Trial, other: Trial) -> float:
     return float(behind.sum() / max(1.0, spread / max(4 * apart, 1e-300)))
 
 
-@dataclass(frozen=True)
-class Worth:
-    """What one number of a fit is worth: chance of so much of it where there is none, and the square of its force, as
-    the largest share of what was missing at a place; 1 of what acts on readings only."""
+def chance_of(regression: Regression, steps: Mapping[int, float]) -> float:
+    """Chance of so much of some numbers of a fit where there is nothing of any: Hotelling's test.
 
-    p: float
-    share: float
+    Args:
+        steps: of the coordinate in each of their columns, which takes it away.
+    """
+    kept, columns, step = tuple(range(regression.p)), list(steps), np.array(list(steps.values()))
+    covariance = regression.covariance(Estimate(kept, np.zeros(len(kept)), 0.0))[np.ix_(columns, columns)]
+    far, free = float(step @ inverse(covariance) @ step), max(regression.count - len(step), 1)
+    return float(stats.f.sf(far * free / max(regression.count - 1, 1) / len(step), len(step), free))
 
 
-def worth(regression: Regression, column: int, step: float, missing: np.ndarray) -> Worth:
-    """What the number in `column` is worth; `step` of its coordinate takes it away."""
-    kept = tuple(range(regression.p))
-    estimate = Estimate(kept, np.zeros(len(kept)), 0.0, np.zeros((0, len(kept))))
-    variance = regression.covariance(estimate)[column, column]
-    p = float(2 * stats.t.sf(abs(step) / np.sqrt(max(variance, 1e-300)), max(regression.count - 1, 1)))
+def share_of(regression: Regression, column: int, step: float, missing: np.ndarray) -> float:
+    """Square of the force of one number of a fit, as the largest share of what was missing at a place, (contact modes,
+    nv); 1 of what acts on readings only; `step` of its coordinate takes it away."""
     smoothed = regression.smoothed
     change = smoothed.linear.offsets[:, : 2 * smoothed.track.model.nv, 1 + column] * step
     # Where a joint sticks, what rubs it may be any force that would move it: there it counts in full.
     force = np.einsum("kji,ki->kj", inverse_of_push(smoothed.track, smoothed.linear, sticks=False), change)
     if not force.any():  # of what is read, not of what acts
-        return Worth(p, 1.0)
+        return 1.0
     # A gear that gives moves what is read of its motor, too: the smoother would need a force for that.
     needed = regression.columns.forces[:, :, 1 + column] * step
-    most = np.maximum((force**2).sum(0), (needed**2).sum(0))
-    return Worth(p, float((most / np.maximum(missing, 1e-300)).max()))
+    most = np.maximum(smoothed.levels.summed(force**2), smoothed.levels.summed(needed**2))
+    return float((most / np.maximum(missing, 1e-300)).max())

@@ -6,19 +6,18 @@ Each takes the state of a search (`forward.Search`).
 import numpy as np
 
 from fimpact.deciding import P_ALARM, REFINES, SHARE, TIED
-from fimpact.selection.one_round import worth
+from fimpact.selection.one_round import chance_of, share_of
 from fimpact.selection.regression import Regression
 from fimpact.smoothing.columns import columns
 from fimpact.smoothing.parameters import is_shape
 from fimpact.smoothing.smoother import Smoothed, smooth
 
 
-def pruned(search, fit: Smoothed, missing: np.ndarray, floor: float = SHARE) -> Smoothed:
+def pruned(search, fit: Smoothed, floor: float = SHARE) -> Smoothed:
     """The fit without what is worth nothing, one refit for all of it.
 
     Args:
-        missing: squared force, (nv,), of which each must bear the share `floor`; where that is of what is left,
-            what was in before stays.
+        floor: the share of `search.whole` that each must bear; where that is of what is left, what was in before stays.
     """
     small = floor == REFINES
     before = {law.name for law in search.current.placed} if small else set()
@@ -26,7 +25,8 @@ def pruned(search, fit: Smoothed, missing: np.ndarray, floor: float = SHARE) -> 
         regression = Regression(fit, columns(fit, []))
         parts = [i for i, law in enumerate(fit.placed) if law.name in search.parts and not small]
         # What a drive's parts bear is counted beside one another: one of them may take nearly all that was missing.
-        bars = {i: (search.left(fit), REFINES) for i in parts}
+        bars = {i: (search.whole(fit, REFINES, fit), REFINES) for i in parts}
+        missing = search.whole(fit, floor)
         kept = [
             i for i, law in enumerate(fit.placed)
             if law.name in before or bears(regression, i, *bars.get(i, (missing, floor)))
@@ -57,8 +57,11 @@ def simplified(search) -> Smoothed:
 
 
 def bears(regression: Regression, place: int, missing: np.ndarray, floor: float) -> bool:
-    """Tell whether the effect number `place` bears its share `floor` of what is missing, squared, (nv,)."""
+    """Tell whether the effect number `place` bears its share `floor` of what is `missing`, squared, (contact modes,
+    nv)."""
     fit = regression.smoothed
     own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)]
-    found = [worth(regression, i, -1.0 if n.log else -n.value, missing) for i, n in own]
-    return any(w.p * len(fit.placed) < P_ALARM and w.share > floor / 2 for w in found)
+    steps = {i: -1.0 if n.log else -n.value for i, n in own}
+    if not steps or chance_of(regression, steps) * len(fit.placed) >= P_ALARM:
+        return False
+    return any(share_of(regression, i, step, missing) > floor / 2 for i, step in steps.items())

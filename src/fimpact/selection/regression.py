@@ -1,7 +1,8 @@
 """Blocked regression of a smoothed recording on its columns: everything that selection asks is algebra of small Grams.
 
-Independent is a stretch, not a sample: folds leave out whole stretches, and covariances are cluster-robust over them
-(Liang and Zeger, Biometrika 73(1), 1986; Roberts et al., Ecography 40(8), 2017).
+Independent is a stretch, not a sample: each is predicted from the others, and where what is left is no white noise,
+not from its neighbours either (Burman, Chow, Nolan, Biometrika 81(2), 1994); covariances are cluster-robust over them
+(Liang and Zeger, Biometrika 73(1), 1986).
 """
 
 import copy
@@ -12,7 +13,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy import stats
 
-from fimpact.deciding import BELIEF, FOLDS
+from fimpact.deciding import BELIEF
 from fimpact.smoothing.columns import Columns
 from fimpact.smoothing.parameters import is_shape
 from fimpact.smoothing.smoother import Smoothed
@@ -20,16 +21,16 @@ from fimpact.smoothing.step import occam
 from fimpact.smoothing.stretches import spread_of_scores, stretches
 
 DRAWS = 4000  # of stretches
+ROUND_OFF = 1e-12  # of a column's information: what may tell it in one stretch alone is nothing elsewhere
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Values (k,) of the columns `kept`, loss of the fit, and what each fold has without its stretches, (folds, k)."""
+    """Values (k,) of the columns `kept`, and loss of the fit."""
 
     kept: tuple[int, ...]
     values: np.ndarray
     loss: float
-    folds: np.ndarray
 
 
 class Regression:
@@ -46,7 +47,6 @@ class Regression:
         own = [flat[owner == b] for b in range(self.count)]
         grams = np.array([part.T @ part for part in own])
         self.gram, self.right, self.square = grams[:, 1:, 1:], grams[:, 1:, 0], grams[:, 0, 0]
-        self.fold = np.arange(self.count) * FOLDS // self.count
         self.weight, self.pull = self._priors()
         self.positive = np.zeros(self.gram.shape[1], bool)
         for i, (number, amplitude) in enumerate(columns.owners):
@@ -66,23 +66,34 @@ class Regression:
         scores = self.right - self.gram[:, :, list(base.kept)] @ base.values
         return spread_of_scores(scores, np.einsum("bii->i", self.gram))
 
+    @property
+    def white(self) -> bool:
+        """Whether scores vary no more from stretch to stretch than white noise has it: then chance can be trusted, and
+        what shows in one stretch alone has shown."""
+        return self.dispersion == 1
+
+    @cached_property
+    def near(self) -> np.ndarray:
+        """Which stretches, (stretches, stretches), are not independent of each: itself, and of what is no white noise
+        those before and after it in its run."""
+        runs = [part.start for part in self.smoothed.track.slices()]
+        run = np.searchsorted(runs, np.flatnonzero(np.diff(self.stretch, prepend=-1)), "right")
+        apart = np.abs(np.subtract.outer(np.arange(self.count), np.arange(self.count)))
+        return ((apart <= (not self.white)) & (run[:, None] == run)).astype(float)
+
     def solve(self, kept: Sequence[int], weight: float | None = None) -> Estimate:
         """Ridge estimate of the columns `kept`; data count 1 / `weight`, None: as many as stretches are independent."""
         kept, weight = tuple(kept), self.dispersion if weight is None else weight
         if not kept:
-            return Estimate((), np.zeros(0), float(self.square.sum()) / weight, np.zeros((FOLDS, 0)))
+            return Estimate((), np.zeros(0), float(self.square.sum()) / weight)
         gram, right = self.gram[:, kept][:, :, kept] / weight, self.right[:, kept] / weight
         prior, pull = np.diag(self.weight[list(kept)]), self.pull[list(kept)]
         whole, all_right = gram.sum(0), right.sum(0)
         values = _ridge(whole + prior, all_right + pull)
-        folds = []
-        for f in range(FOLDS):
-            out = self.fold == f
-            folds.append(_ridge(whole - gram[out].sum(0) + prior, all_right - right[out].sum(0) + pull))
         # What a prior shifts is not seen by the data: the penalty is that of the values from its mean.
         loss = self.square.sum() / weight - 2 * values @ all_right + values @ whole @ values
         loss += values @ prior @ values - 2 * pull @ values
-        return Estimate(kept, values, float(loss), np.array(folds))
+        return Estimate(kept, values, float(loss))
 
     def tension(self, found: Estimate) -> float:
         """Squared distance of the values of `found` from their priors, in sd, but for a constant; in the units of
@@ -120,30 +131,41 @@ class Regression:
                 return found
             kept = [c for c in kept if c not in wrong]
 
-    def errors(self, found: Estimate) -> np.ndarray:
-        """Squared innovations, (stretches,), of each stretch as predicted from the other folds."""
+    def elsewhere(self, found: Estimate) -> np.ndarray:
+        """What the values of `found` would be without each stretch and those near it, (stretches, k)."""
         kept = list(found.kept)
-        values = found.folds[self.fold]
+        gram, right = self.gram[:, kept][:, :, kept] / self.dispersion, self.right[:, kept] / self.dispersion
+        every = right.sum(0)
+        whole = gram.sum(0) + np.diag(self.weight[kept])
+        scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+        others = (whole - np.tensordot(self.near, gram, 1)) / np.outer(scale, scale) + ROUND_OFF * np.eye(len(kept))
+        aim = (every + self.pull[kept] - self.near @ right) / scale
+        return np.linalg.solve(others, aim[:, :, None])[:, :, 0] / scale
+
+    def errors(self, found: Estimate) -> np.ndarray:
+        """Squared innovations, (stretches,), of each stretch as predicted from those elsewhere."""
+        kept, values = list(found.kept), self.elsewhere(found)
         gram, right = self.gram[:, kept][:, :, kept], self.right[:, kept]
         return self.square - 2 * (values * right).sum(1) + np.einsum("bi,bij,bj->b", values, gram, values)
 
     def forces_left(self, found: Estimate) -> np.ndarray:
-        """Squared missing force, (stretches, nv), left in each stretch as predicted from the other folds."""
+        """Squared missing force, (contact modes, nv), left where each stretch is predicted from those elsewhere."""
         rows = self.columns.forces
         kept = [1 + c for c in found.kept]
-        values = found.folds[self.fold][self.stretch]
+        values = self.elsewhere(found)[self.stretch]
         left = rows[:, :, 0] - np.einsum("kjc,kc->kj", rows[:, :, kept], values)
-        return np.array([np.bincount(self.stretch, weights=column**2, minlength=self.count) for column in left.T]).T
+        return self.smoothed.levels.summed(left**2)
 
     def force_of(self, before: Estimate, after: Estimate) -> np.ndarray | None:
-        """Squared force, (nv,), that would do what `after` does beside `before`; None where the smoother sees it."""
+        """Squared force, (contact modes, nv), that would do what `after` does beside `before`; None where the smoother
+        sees it."""
         whole = self.columns.whole
         if whole is None:
             return None
         step = np.zeros(whole.shape[2])
         step[list(after.kept)] += after.values
         step[list(before.kept)] -= before.values
-        return ((whole @ step) ** 2).sum(0)
+        return self.smoothed.levels.summed((whole @ step) ** 2)
 
     def scores(self, found: Estimate) -> np.ndarray:
         """Score of each stretch for the kept columns, (stretches, k)."""
@@ -214,7 +236,7 @@ def _resampled(count: int) -> np.ndarray:
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric matrix whose columns may differ in size by orders of magnitude."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-150))
     return np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.deciding import LOUD, SHARE, UNLIKELY
+from fimpact.deciding import LOUD, UNLIKELY
 from fimpact.effects import typical
 from fimpact.effects.classes import DRIVE
 from fimpact.effects.sites import driven
@@ -27,19 +27,22 @@ def align(search, late: Sequence[Way]) -> None:
     known, steps = {c.name: c for c in search.candidates}, search.track.steps
     ways = [way for way in late if all(own.name in known for own in way)]
     fits = [_with(search, way, known) for way in ways if len(way) == 1]
-    missing = np.min([search.missing, *((fit.tau**2).sum(0) for fit in fits if fit.converged)], axis=0)
+    every = np.stack([search.missing, *(fit.tau**2 for fit in fits if fit.converged)])
+    missing = every[every.sum(1).argmin(0), :, np.arange(every.shape[2])].T
     if not far(search, missing):  # else whole drives are lacking, and softness stands in for them
         fits += [_with(search, way, known) for way in ways if len(way) > 1]
     fits = [fit for fit in fits if fit.converged]
-    fits = [pruned(search, fit, missing) for fit in fits]
+    search.missing, all_of_it = missing, search.missing
+    fits = [pruned(search, fit) for fit in fits]
     search.weak = set()
     fits = [fit for fit in fits if fit.converged and fit.loss() < search.naive.loss()]
     search.track.steps = steps  # no other question goes unasked because this one came first
     search.dropped = {own.name for way in late for own in way if own.effect.name in LATE} if fits else set()
     if not fits:
+        search.missing = all_of_it
         return
     best = min(fits, key=lambda fit: fit.loss())
-    search.current, search.missing, search.hint = best, missing, 0.0
+    search.current, search.hint = best, 0.0
     others = {tuple(law.name for law in fit.placed): fit for fit in fits}
     del others[tuple(law.name for law in best.placed)]
     weights = [(fit, float(np.exp((best.loss() - fit.loss()) / best.dispersion))) for fit in others.values()]
@@ -67,7 +70,7 @@ def drive(search) -> None:
     alone = lacks_much and search.coupled  # nothing else has a say: its columns are no tangents
     if alone:
         tried = [c for c in tried if c.effect.name in DRIVE]
-    regression, found = search.searched(tried, search.missing, SHARE)
+    regression, found = search.searched(tried)
     search.first, search.asked = None if alone else (regression, found), regression
     trial = next((t for t in found.tried if t.option.compound), None)
     if trial is None:
@@ -80,7 +83,7 @@ def drive(search) -> None:
     best = _alike(search, refitted_whole(search, regression, trial))
     before = {law.name for law in search.current.placed}
     search.parts = {law.name for law in best.placed} - before
-    best = pruned(search, best, search.missing)
+    best = pruned(search, best)
     spread = regression.dispersion
     if best.converged and best.placed and best.loss(spread) < search.current.loss(spread):
         added = tuple(law for law in best.placed if law.name not in before)
@@ -96,8 +99,8 @@ def drive(search) -> None:
 
 
 def far(search, missing: np.ndarray) -> bool:
-    """Whether so much is missing, squared, (nv,), beside what motors give that columns are no tangents."""
-    model, missing = search.track.model, np.sqrt(missing / search.track.count)
+    """Whether so much is missing, squared, (N, nv), beside what motors give that columns are no tangents."""
+    model, missing = search.track.model, np.sqrt(missing.sum(0) / search.track.count)
     joints = driven(model)
     lost = [missing[model.joint(joint).dofadr[0]] for joint in joints]
     given = [typical.applied(search.scales, model, joint) for joint in joints]

@@ -71,7 +71,7 @@ def exchanges(
             if weight > max(UNLIKELY, known.weight if known else 0.0) or not option.members:
                 found = without.solve([*base, *columns])
                 better = errors - without.errors(found)
-                if not option.members and least(-better) <= 0:  # what is in is not sure to be worth anything
+                if not (option.members or regression.white) and least(-better) <= 0:  # what is in may be worth nothing
                     weight = max(weight, 1.0)
                 simpler = len(base) + len(columns) < regression.p + (len(places) > len(option.members))
                 sure = bool(simpler or least(better) > 0)

@@ -15,7 +15,7 @@ from fimpact.deciding import P_ALARM, REFINES, SHARE, UNLIKELY
 from fimpact.effects.base import Coefficient, Effect
 from fimpact.effects.touching import can_touch
 from fimpact.effects.wiring import ON_JOINT
-from fimpact.selection.one_round import search
+from fimpact.selection.one_round import Trial, search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression
 from fimpact.selection.substitutes import NOTHING, exchanges
@@ -43,11 +43,12 @@ class Leftover:
 
 
 def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
-    """Regress what `fit` leaves on smooth functions; missing: squared force that the naive model lacks, (nv,)."""
+    """Regress what `fit` leaves on smooth functions; missing: squared force that the naive model lacks,
+    (contact modes, nv)."""
     tried = smooth_functions(fit)
     regression = Regression(fit, columns(fit, tried))
     offered = [Option(own.name, 0, (i,)) for i, own in enumerate(tried)]
-    best = next((t for t in search(regression, offered, missing, SHARE).tried if _shows(t)), None)
+    best = next((t for t in search(regression, offered, missing, SHARE).tried if _shows(regression, t)), None)
     others = exchanges(regression, offered, beside=())  # nothing but a name can be what is left beside a name
     worth = {e.places: -e.better for e in others if e.option.name == NOTHING}
     likelier = [e for e in others if e.option.name != NOTHING and e.sure and e.weight > UNLIKELY]
@@ -63,8 +64,8 @@ def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
     return Leftover(int(dof), what, best.share, doubted, instead)
 
 
-def _shows(trial) -> bool:
-    return trial.p < P_ALARM and trial.sure > 0 and trial.share > SHARE
+def _shows(regression: Regression, trial: Trial) -> bool:
+    return trial.p < P_ALARM and (trial.sure > 0 or regression.white) and trial.share > SHARE
 
 
 def smooth_functions(fit: Smoothed) -> list[Candidate]:
