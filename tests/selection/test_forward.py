@@ -99,6 +99,31 @@ def test_what_gains_most_comes_first_though_in_few_stretches():
     assert [t.gain for t in result.tried] == sorted((t.gain for t in result.tried), reverse=True)
 
 
+@pytest.mark.parametrize(("dispersion", "chosen"), [(1.0, True), (1.5, False)])
+def test_what_shows_in_two_stretches_only_is_named_where_the_rest_is_white_noise(dispersion, chosen):
+    """Elsewhere it may be an accident of what is left: other stretches might have shown nothing."""
+    columns = white(1) * np.isin(np.arange(COUNT) // LENGTH, (7, 30))[:, None]
+    own = regression({0: 2.0}, columns)
+    own.__dict__["dispersion"] = dispersion
+    result = found(own, alone(1))
+    assert result.tried[0].sure < 0 and (result.chosen is not None) == chosen
+
+
+def test_what_an_effect_takes_is_counted_by_contact_mode():
+    """A twentieth of the samples touch; of all that is missing its force is nothing, of what is missing there much."""
+    touches = np.arange(COUNT) % 20 == 0
+    columns = white(1) * touches[:, None]
+    own = regression({0: 1.5}, columns)
+    data = own.columns.forces[:, 0, 0]
+    for modes in ([np.ones(COUNT)], [~touches, touches]):
+        summed = lambda squared, modes=modes: np.array(modes, float) @ squared  # noqa: E731
+        own.smoothed.levels.summed = summed
+        missing = np.maximum(summed(data[:, None] ** 2), 1e2 * COUNT * (len(modes) == 1))
+        told = search(own, alone(1), missing, SHARE)
+        assert (told.chosen is not None) == (len(modes) == 2)
+        assert told.tried[0].place == (len(modes) - 1, 0)
+
+
 def test_of_what_is_as_good_the_earlier_in_the_engineers_order_is_chosen():
     columns = white(1) @ np.ones((1, 2)) + 1e-3 * np.random.default_rng(2).standard_normal((COUNT, 2))
     own = regression({0: 0.5}, columns)

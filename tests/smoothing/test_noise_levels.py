@@ -133,6 +133,8 @@ def test_what_friction_holds_at_rest_does_not_hide_what_is_missing_of_the_motion
     assert 0.2 < fit.levels.rests.mean() < 0.95
     moves, rests = fit.levels.force[:, 0]
     assert moves < 0.3 * rests
+    again = resting(made.track, fit.states, fit.doubt, fit.linear.plant.rubbing, fit.levels)
+    assert np.mean(again.rests == fit.levels.rests) > 0.99  # as the speeds are known at the end
     quick = np.abs(fit.states.qvel[:, 0]) > 1.0
     assert not fit.levels.rests[quick].any() and not naive.levels.rests.any()  # without friction nothing is held
 
@@ -150,6 +152,13 @@ def test_what_reverses_within_a_sample_does_not_rest():
     assert not rests[:29].any() and rests[30:].all()
     still = resting(track, states, np.full_like(doubt, 0.4), rub, none).rests[:, 0]
     assert still[19]  # where speeds are not known so well, it may
+
+
+def test_squares_are_summed_by_contact_mode():
+    modes, none = np.array([0, 2, 2, 0]), np.zeros((6, 2))
+    levels = Levels(none, np.zeros(2), modes, np.zeros((4, 2), bool), np.ones(1), np.ones(1), none)
+    squares = np.arange(8.0).reshape(4, 2)
+    np.testing.assert_array_equal(levels.summed(squares), [[6, 8], [0, 0], [6, 8]])
 
 
 def test_every_sample_has_the_level_of_its_contact_and_of_its_rest():

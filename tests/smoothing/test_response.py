@@ -20,6 +20,20 @@ from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 
 
+def test_a_push_that_must_be_simulated_moves_a_joint_as_the_missing_force_does():
+    """At another time step than derivatives it would look like a push that drifts, on a leg that stands."""
+    servo = ROD.replace('<motor name="motor" joint="pivot"/>', '<position name="s" joint="pivot" kp="60" kv="0.3"/>')
+    made = prepare(record(servo, ("angle",), [waves(60, [0.5], 0)], 1e-3), refine=4)
+    found, push = made.naive, 0.1
+    own = found.linear.response
+    placed = Placed(EFFECTS["torque_offset"], "s", {"offset": push})
+    plant = plant_of(made.track, (placed,), found.theta, found.states, found.tau, found.doubt)
+    change = own(plant)
+    assert own.simulated and not change.force.any()
+    n = made.track.space.size
+    np.testing.assert_allclose(change.after, push * found.linear.slopes.advance[:, :, n], rtol=1e-3, atol=1e-9)
+
+
 @cache
 def response() -> Response:
     """Along a smoothed arm, where a joint's speed lasts for far longer than a sample."""

@@ -68,8 +68,8 @@ class Regression:
 
     @property
     def white(self) -> bool:
-        """Whether scores vary no more from stretch to stretch than white noise has it: then chance can be trusted, and
-        what shows in one stretch alone has shown."""
+        """Whether scores vary no more from stretch to stretch than white noise has it: then chance can be trusted, in
+        however few stretches something shows."""
         return self.dispersion == 1
 
     @cached_property
