@@ -133,8 +133,6 @@ def test_what_friction_holds_at_rest_does_not_hide_what_is_missing_of_the_motion
     assert 0.2 < fit.levels.rests.mean() < 0.95
     moves, rests = fit.levels.force[:, 0]
     assert moves < 0.3 * rests
-    again = resting(made.track, fit.states, fit.doubt, fit.linear.plant.rubbing, fit.levels)
-    assert np.mean(again.rests == fit.levels.rests) > 0.99  # as the speeds are known at the end
     quick = np.abs(fit.states.qvel[:, 0]) > 1.0
     assert not fit.levels.rests[quick].any() and not naive.levels.rests.any()  # without friction nothing is held
 

@@ -236,7 +236,7 @@ def _resampled(count: int) -> np.ndarray:
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric matrix whose columns may differ in size by orders of magnitude."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-150))
+    scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
     return np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
 
 

@@ -29,7 +29,6 @@ FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much 
 SHRINKS = 0.7  # of the last step: a next one that is longer does not converge by itself
 ROUNDS_ABOVE_BAR = 2  # rounds in a row that fit worse than a fit has to, and fall too slowly to get there
 INNER = 4  # updates of the noise levels between two linearisations
-JUDGED = 3  # times at most that a fit says what rests: a speed about the bound of its doubt would go to and fro
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,7 @@ def smooth(
         linear = like.linear if like.track is track else None
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
-    pace, converged, k, change, judged = Pace(), False, 0, np.inf, 0
+    pace, converged, k, change = Pace(), False, 0, np.inf
     least, lost = np.inf, 0  # of the rounds so far, and rounds since that fit worse than it
     before, above_bar = np.inf, 0  # of the round before, and rounds in a row that are too slow to get below `bar`
     best: tuple[States, np.ndarray, np.ndarray, Levels, list[Parameter]] | None = None
@@ -173,12 +172,8 @@ def smooth(
             grown = heavier(track.model_of(placed_of(numbers, placed), theta_of(numbers)), linear.plant.model)
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
         levels = in_modes(track, states, levels)
-        if k == 0 or (
-            converged and judged < JUDGED
-        ):  # at first speeds are hardly known, and what rests hides what moves
-            judged, before_judging = judged + 1, levels.rests
+        if k == 0:  # once: a speed about the bound of its doubt would go to and fro, and levels with it
             levels = resting(track, states, doubt, linear.plant.rubbing, levels)
-            converged = converged and np.array_equal(levels.rests, before_judging)
         if converged:
             break
         now = found.fit + found.cost
