@@ -9,9 +9,7 @@ LOUDER = (30.0, 15.0, 8.0, 4.0, 2.0)  # times their noise: sensors of force and 
 SWITCH = 2  # samples before and after a contact begins or ends that belong to neither mode
 TRUSTED = (0.1, 30.0)  # times what the samples show: noise levels of the readings that are believed
 HELD = 2.0  # decays within a sample, of a speed or of what bends a servo: beyond, no force is held over it
-DOUBT = (
-    1.0  # standard deviation, of all readings together: what is left of the error of the time step moves them by less
-)
+DOUBT = 1.0  # standard deviation, over all readings: the error of a time step that is fine enough moves them by less
 
 # Selection
 P_ALARM = 0.01  # family-wise chance of a false alarm, over all hypotheses that are tried

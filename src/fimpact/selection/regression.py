@@ -135,11 +135,10 @@ class Regression:
         """What the values of `found` would be without each stretch and those near it, (stretches, k)."""
         kept = list(found.kept)
         gram, right = self.gram[:, kept][:, :, kept] / self.dispersion, self.right[:, kept] / self.dispersion
-        every = right.sum(0)
         whole = gram.sum(0) + np.diag(self.weight[kept])
         scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
         others = (whole - np.tensordot(self.near, gram, 1)) / np.outer(scale, scale) + ROUND_OFF * np.eye(len(kept))
-        aim = (every + self.pull[kept] - self.near @ right) / scale
+        aim = (right.sum(0) - self.near @ right + self.pull[kept]) / scale
         return np.linalg.solve(others, aim[:, :, None])[:, :, 0] / scale
 
     def errors(self, found: Estimate) -> np.ndarray:
