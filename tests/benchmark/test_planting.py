@@ -119,6 +119,23 @@ def test_a_shaft_with_play_stops_where_its_play_ends(motions):
     assert np.quantile(lead, 0.99) < 1.2
 
 
+@pytest.mark.parametrize("written", [False, True])
+def test_behind_a_gear_that_gives_are_all_of_the_joints_friction_and_a_gap_in_radians(written):
+    """In a file by hand, in degrees, and in what MuJoCo has written of it, in radians."""
+    rig = rig_of("arm_free")
+    if written:
+        spec = mujoco.MjSpec.from_string(rig.xml)
+        spec.compile()
+        rig = replace(rig, text=spec.to_xml())
+    world = new_world(rig, np.zeros(len(rig.unknowns)), fine=True)
+    world.spec.joint("joint_2").frictionloss = 0.3
+    plant(world, "backlash", "joint_2", {"gap": 0.004})
+    model = compiled(world)
+    assert model.joint("joint_2_behind").range == pytest.approx([-0.002, 0.002])
+    assert model.joint("joint_2").frictionloss == 0 == model.joint("joint_2").damping
+    assert model.tendon_frictionloss == pytest.approx(0.3) and model.tendon_damping[0] == pytest.approx(0.06)
+
+
 @pytest.mark.parametrize("system", RIGS)
 def test_motions_stay_within_reach_and_meet_the_surface(motions, system):
     rig, motion = RIGS[system], motions[system]

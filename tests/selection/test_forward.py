@@ -57,7 +57,7 @@ def found(own: Regression, offered: list[Option]):
 def tried(own: Regression, option: Option) -> Trial | None:
     now = own.proper(range(own.p))
     missing = (own.columns.forces[:, :, 0] ** 2).sum(0)[None]
-    return attempt(own, now, own.errors(now), own.forces_left(now), missing, option)
+    return attempt(own, now, own.errors(now), own.forces_left(now), missing, option, 1)
 
 
 def test_however_little_is_named_where_it_is_certain():
@@ -246,6 +246,12 @@ def test_what_holds_all_that_is_chosen_and_more_is_no_rival():
 def test_a_compound_that_is_far_behind_is_not_chosen():
     own = regression({0: 0.3, 1: 0.3, 2: 0.8}, white(3))
     assert found(own, [Option("drive", 0, (0, 1), True), *alone(3)]).chosen.option.name == "viscous@j2"
+
+
+def test_the_more_is_offered_the_likelier_is_a_chance():
+    own, missing = regression({0: 4.0}, white(1), noise=40.0), np.ones((1, 1))
+    once, often = (search(own, alone(1) * count, missing, 0.0).tried[0].p for count in (1, 50))
+    assert 1e-9 < once < 0.02 and often == pytest.approx(50 * once)
 
 
 def test_no_share_is_more_than_all_that_was_missing():

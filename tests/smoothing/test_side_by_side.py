@@ -13,7 +13,8 @@ from fimpact.effects.drives import motor_force
 from fimpact.effects.gears import coupled, encoders
 from fimpact.effects.law_inputs import State
 from fimpact.smoothing.dynamics import side_by_side
-from fimpact.smoothing.dynamics.laws import acts_of, force_of, reading_of
+from fimpact.smoothing.dynamics.laws import Driven, acts_of, force_of, reading_of
+from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.side_by_side import longest_piece
 from fimpact.smoothing.prepare import prepare
 
@@ -149,3 +150,22 @@ def test_one_walk_for_all_gears_of_a_kind_and_one_for_the_rigid_one():
     force_of(track, laws[1], states, tau, doubt)
     force_of(track, laws[1], replace(states), tau, doubt)
     assert asked == [pieces] * walk * 3
+
+
+@pytest.mark.parametrize(
+    ("beside", "at"),
+    [("rotor_inertia", "j2"), ("gain", "m2"), ("command_delay", "m2")],
+)
+def test_a_gear_is_driven_by_what_was_found_beside_it(beside, at):
+    """By the rotor, the motor and the commands of the hypothesis, not by those of the naive model."""
+    track, states, tau, doubt = arm(MOTOR)
+    size = {"rotor_inertia": {"inertia": 0.02}, "gain": {"change": 0.2}, "command_delay": {"delay": 0.01}}[beside]
+    gear, found = Placed(EFFECTS["backlash"], "j2", {"gap": 0.03}), Placed(EFFECTS[beside], at, size)
+    plant = plant_of(track, [found, gear], track.simulator.theta, states, tau, doubt)
+    still = np.zeros((track.count, 4))
+    told = force_of(track, gear, states, tau, doubt, plant.driven)
+    np.testing.assert_allclose(plant.force, told, atol=1e-12)
+    naive = force_of(track, gear, states, tau, doubt, Driven(track.model, track.ctrl[:, 0]))
+    assert np.abs(told - naive).max() > 1e-3
+    read = [reading_of(track, gear, states, still, 0.0, own) for own in (plant.driven, None)]
+    assert np.abs(read[0] - read[1]).max() > 1e-3

@@ -252,6 +252,15 @@ def test_a_step_that_is_no_number_ends_a_fit_with_what_it_had(monkeypatch):
     assert np.isfinite(fit.tau).all() and fit.chi2 == pytest.approx(told.chi2, rel=0.05)
 
 
+@pytest.mark.parametrize(("creep", "converges"), [(0.9, True), (1.1, False)])
+def test_a_fit_that_creeps_and_gains_nothing_by_it_stands_still(monkeypatch, creep, converges):
+    """Its trajectory still moves, by a share of `WORN`."""
+    moves = Solved.moves
+    monkeypatch.setattr(Solved, "moves", lambda self, *own: max(creep * smoother.WORN, moves(self, *own)))
+    made = prepare(rod(0.15), refine=1)
+    assert smooth(made.track, made.begun, made.noise).converged == converges
+
+
 def test_a_fit_that_stays_above_its_bar_ends_and_has_not_converged(monkeypatch):
     monkeypatch.setattr(smoother, "ROUNDS_ABOVE_BAR", 1)
     made = prepare(rod(0.15), refine=1)

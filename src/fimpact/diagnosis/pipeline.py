@@ -213,9 +213,8 @@ def _effect(finding: Finding) -> dict[str, Any]:
 
 def _round(made: Round, diagnosis: Diagnosis) -> dict[str, Any]:
     chosen = made.chosen
-    following = [[t.option.name, t.gain] for t in made.tried if not chosen or t.option is not chosen.option][
-        :MOST_ROUNDS
-    ]
+    others = [t for t in made.tried if t.gain > 0 and not (chosen and t.option is chosen.option)]
+    following = [[t.option.name, t.gain] for t in others[:MOST_ROUNDS]]
     if chosen is None:
         return {"class": None, "places": [], "gain": 0.0, "se": 0.0, "share": 0.0, "place": "", "next": following}
     dofs = diagnosis.simulator.base

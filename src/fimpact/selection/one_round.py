@@ -24,7 +24,7 @@ class Trial:
 
     p: chance of its gain over all that was tried. gain, error, sure: predicted on stretches that were not fitted, in
     squared innovations, with what is nearer to the priors, its standard error, and what it is at the least, whichever
-    stretches were recorded. share, place: largest share of the missing force that it takes away (1 of what is no
+    stretches were recorded; 0 of what may be chance. share, place: largest share of the missing force that it takes away (1 of what is no
     force), and its contact mode and degree of freedom. errors: (stretches,) squared innovations left. places:
     ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for it.
     """
@@ -60,7 +60,7 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     """
     now = regression.proper(range(regression.p))
     errors, forces = regression.errors(now), regression.forces_left(now)
-    found = [attempt(regression, now, errors, forces, missing, option) for option in offered]
+    found = [attempt(regression, now, errors, forces, missing, option, len(offered)) for option in offered]
     tried = sorted((t for t in found if t), key=lambda t: -t.gain)
     likely = [t for t in tried if t.p < P_ALARM and (t.gain > 0 or regression.white) and t.share > floor]
     good = [t for t in likely if t.sure > 0 or regression.white]
@@ -76,7 +76,9 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
     chosen = replace(chosen, estimate=backward(regression, now, chosen.estimate))
     return Round(
         chosen,
-        rivals_of(regression, chosen, [*likely, *blends(regression, now, errors, forces, missing, likely)]),
+        rivals_of(
+            regression, chosen, [*likely, *blends(regression, now, errors, forces, missing, likely, len(offered))]
+        ),
         tuple(tried),
     )
 
@@ -100,14 +102,17 @@ def rivals_of(regression: Regression, chosen: Trial, others: Sequence[Trial]) ->
     return tuple(found)
 
 
-def blends(regression: Regression, now: Estimate, errors, forces, missing, tried: Sequence[Trial]) -> list[Trial]:
+def blends(
+    regression: Regression, now: Estimate, errors, forces, missing, tried: Sequence[Trial], count: int
+) -> list[Trial]:
     """The linear effects among `tried` with all choices of their shapes at once: a shape between two choices is nearly
     a mixture of both, and no effect is to lose to another because its true shape was not among the choices."""
     columns, found = regression.columns, []
     for name, order in {t.places[0]: t.option.order for t in tried if len(t.places) == 1}.items():
         members = tuple(i for i, c in enumerate(columns.candidates) if c.name == name and c.effect.linear)
         if len(members) > 1:
-            found.append(attempt(regression, now, errors, forces, missing, Option(name, order, members)))
+            option = Option(name, order, members)
+            found.append(attempt(regression, now, errors, forces, missing, option, count))
     return [trial for trial in found if trial and trial.p < P_ALARM and trial.gain > 0]
 
 
@@ -118,8 +123,8 @@ def places_of(regression: Regression, estimate: Estimate) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def attempt(regression: Regression, now: Estimate, errors, forces, missing, option: Option) -> Trial | None:
-    """One option beside what is in; None where nothing of it is left."""
+def attempt(regression: Regression, now: Estimate, errors, forces, missing, option: Option, count: int) -> Trial | None:
+    """One of `count` options beside what is in; None where nothing of it is left."""
     owners = regression.columns.owners
     own = [regression.p + i for i, (owner, _) in enumerate(owners) if owner in option.members]
     found = regression.proper([*now.kept, *own]) if own else now
@@ -127,7 +132,10 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     if not added:
         return None
     gain, dispersion = regression.gain(now, found)
-    p = min(1.0, chance(gain, dispersion, added) * regression.independent)
+    p = min(1.0, chance(gain, dispersion, added) * count)  # Bonferroni
+    places = places_of(regression, found)
+    if p >= P_ALARM and not option.compound:
+        return Trial(option, found, p, 0.0, 0.0, 0.0, 0.0, (0, 0), errors, places)
     left = regression.errors(found)
     whole = regression.force_of(now, found)
     taken = forces - regression.forces_left(found) if whole is None else whole
@@ -141,7 +149,6 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     shown_only = all(_is_no_force(regression, i) for i in option.members)
     share = 1.0 if hidden or shown_only else min(float(taken[place]), 1.0)
     error, sure = float(better.std() * np.sqrt(len(better))), least(better) + relief
-    places = places_of(regression, found)
     return Trial(option, found, p, float(better.sum()) + relief, error, sure, share, place, left, places, bool(hidden))
 
 

@@ -60,6 +60,11 @@ class Regression:
         return weight, pull
 
     @cached_property
+    def whole(self) -> np.ndarray:
+        """What all stretches together tell of the columns, (columns, columns)."""
+        return self.gram.sum(0)
+
+    @cached_property
     def dispersion(self) -> float:
         """By how much scores vary more from stretch to stretch than white noise would have it, at least 1."""
         base = self.solve(range(self.p), 1.0)
@@ -86,9 +91,8 @@ class Regression:
         kept, weight = tuple(kept), self.dispersion if weight is None else weight
         if not kept:
             return Estimate((), np.zeros(0), float(self.square.sum()) / weight)
-        gram, right = self.gram[:, kept][:, :, kept] / weight, self.right[:, kept] / weight
+        whole, all_right = self.whole[np.ix_(kept, kept)] / weight, self.right.sum(0)[list(kept)] / weight
         prior, pull = np.diag(self.weight[list(kept)]), self.pull[list(kept)]
-        whole, all_right = gram.sum(0), right.sum(0)
         values = _ridge(whole + prior, all_right + pull)
         # What a prior shifts is not seen by the data: the penalty is that of the values from its mean.
         loss = self.square.sum() / weight - 2 * values @ all_right + values @ whole @ values
@@ -104,7 +108,7 @@ class Regression:
     def evidence(self, found: Estimate) -> float:
         """Logarithm of the marginal likelihood of `found`, but for a constant, of as much data as are independent."""
         kept = list(found.kept)
-        information = self.gram[:, kept][:, :, kept].sum(0) / self.dispersion + np.diag(self.weight[kept])
+        information = self.whole[np.ix_(kept, kept)] / self.dispersion + np.diag(self.weight[kept])
         numbers = [self.smoothed.numbers[i] for i in kept if i < self.p]  # candidates are in units of their prior
         away = sum(n.away**2 for n in numbers)
         prior = occam(numbers, information[: len(numbers), : len(numbers)], self.smoothed.count)
@@ -178,7 +182,7 @@ class Regression:
             clusters: cluster of each stretch, (stretches,); None: each its own.
         """
         kept = list(found.kept)
-        whole, prior = self.gram[:, kept][:, :, kept].sum(0), np.diag(self.weight[kept])
+        whole, prior = self.whole[np.ix_(kept, kept)], np.diag(self.weight[kept])
         white = inverse(whole + prior)
         bread = inverse(whole / self.dispersion + prior)
         scores = self.scores(found) / self.dispersion
@@ -201,21 +205,6 @@ class Regression:
         along = self.scores(after) @ step[list(after.kept)]
         gain = self.dispersion * (before.loss - after.loss)
         return gain, max(1.0, float((along**2).sum() / gain)) if gain > 0 else 1.0
-
-    @cached_property
-    def independent(self) -> float:
-        """Effective number of different columns (Galwey, Genetic Epidemiology 33(7), 2009)."""
-        own = np.arange(self.p, self.gram.shape[1])
-        if not len(own):
-            return 1.0
-        whole = self.gram.sum(0)
-        if self.p:
-            inner = np.linalg.pinv(whole[: self.p, : self.p] + np.diag(self.weight[: self.p]), hermitian=True)
-            held = np.arange(self.p)
-            whole = whole[np.ix_(own, own)] - whole[np.ix_(own, held)] @ inner @ whole[np.ix_(held, own)]
-        size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-        roots = np.maximum(np.linalg.eigvalsh(whole / np.outer(size, size)), 0.0)
-        return float(np.sqrt(roots).sum() ** 2 / max(roots.sum(), 1e-300))
 
 
 def least(better: np.ndarray) -> float:

@@ -19,14 +19,13 @@ from fimpact.smoothing.smoother import Smoothed
 def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool:
     """Put in the place of an effect, or of two, what is likelier, refitted; what is as likely joins the set.
 
-    Under servos an effect is not exchanged, and of whole drives no two: there the whole drive is one.
+    Of whole drives no two are exchanged, and under servos none: there the whole drive is one.
     """
-    if search.coupled:
-        return False
     tried, spread = regression.columns.candidates, regression.dispersion
     beside = [option for option in offered if not search.is_second_gear(tried, option)]
     alone = [i for i, law in enumerate(search.current.placed) if law.name not in search.parts]
-    leaving = [*((i,) for i in range(len(search.current.placed))), *combinations(alone, 2)]
+    one = alone if search.coupled else range(len(search.current.placed))
+    leaving = [*((i,) for i in one), *combinations(alone, 2)]
     others = exchanges(regression, offered, beside, leaving)
     others = [e for e in others if not search.is_second_gear(tried, e.option, e.places)]
     others = [e for e in others if e.option.members or len(e.places) < 2]

@@ -93,7 +93,8 @@ def changes(smoothed: Smoothed, laws: Sequence[Placed], known: Simulated | None 
     known.along(smoothed)
     made = _Maker(smoothed)
     acting = [law for law in laws if law.effect.enters in ACTING and not known.holds(law)]
-    acts = acts_of(smoothed.track, acting, smoothed.states, smoothed.tau, smoothed.doubt)
+    driven = smoothed.linear.plant.driven
+    acts = acts_of(smoothed.track, acting, smoothed.states, smoothed.tau, smoothed.doubt, driven)
     for law, (force, readings) in zip(acting, acts, strict=True):
         known.keep(law, replace(made.response.nothing(), force=force, readings=readings))
     return [known.change(law, made) for law in laws]

@@ -158,7 +158,10 @@ def smooth(
             f"smoothing: step {k + 1} of at most {rounds + len(anneal)}, readings move by {change:.2g} of their noise, "
             f"numbers by {far:.2g} of their sd"
         )
-        converged = k >= len(anneal) and max(change, moved_by(levels, begun_levels) / FAR, far / FAR) < STILL
+        now, moved = found.fit + found.cost, max(moved_by(levels, begun_levels), far) / FAR
+        # A gear's motion is known of the last trajectory only, and creeps: what is no likelier for it stands still.
+        creeps = change < WORN and 2 * abs(now - before) < TIED
+        converged = k >= len(anneal) and moved < STILL and (change < STILL or creeps)
         if converged and track.long:
             # So small a step of the trajectory is not taken: where a joint sticks, it may lead to another branch.
             numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]
@@ -176,16 +179,14 @@ def smooth(
             levels = resting(track, states, doubt, linear.plant.rubbing, levels)
         if converged:
             break
-        now = found.fit + found.cost
         slow = k > len(anneal) and now - bar > (rounds + len(anneal) - 1 - k) * max(before - now, 0.0)
         before, above_bar = now, above_bar + 1 if slow else 0
         if above_bar == ROUNDS_ABOVE_BAR:
             break
         if patience and k >= len(anneal):
-            loss = found.fit + found.cost
-            lost = lost + 1 if loss > least + TIED else 0
-            if loss < least:
-                least, best = loss, (states, tau, doubt, levels, numbers)
+            lost = lost + 1 if now > least + TIED else 0
+            if now < least:
+                least, best = now, (states, tau, doubt, levels, numbers)
             if lost == patience:
                 break
         if change > WORN:

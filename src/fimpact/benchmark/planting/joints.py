@@ -180,7 +180,7 @@ def cable_hysteresis(world: World, site: str, coefficient: float, stretch: float
 def spring(world: World, site: str, stiffness: float, rest: float) -> None:
     """A hose or return spring, N m/rad, slack at `rest` rad; added to the joint's own spring."""
     joint = world.spec.joint(site)
-    degree = np.pi / 180 if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1.0
+    degree = _unit(world) if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1.0
     own, total = joint.stiffness[0], joint.stiffness[0] + stiffness
     joint.springref = (own * joint.springref * degree + stiffness * rest) / total / degree
     joint.stiffness = np.array([total, 0, 0])
@@ -197,14 +197,21 @@ def soft_stop(world: World, site: str, stiffness: float, limit: float) -> None:
     push(world, site, lambda v, q, u, t, h, m: -stiffness * np.sign(q) * max(abs(q) - limit, 0.0))
 
 
+def _unit(world) -> float:
+    """Unit of the angles in a specification, rad: degrees in a file by hand, radians in what MuJoCo has written."""
+    return np.pi / 180 if world.spec.compiler.degree else 1.0
+
+
 def _behind(world, site):
     """A joint between motor and link: encoder and rotor stay with the motor, bearing and springs go to the link."""
-    joint, degree = world.spec.joint(site), np.pi / 180
+    joint = world.spec.joint(site)
     behind = joint.parent.add_joint(name=f"{site}_behind", type=joint.type, axis=joint.axis)
     behind.armature, behind.stiffness, behind.damping = 0.0, np.zeros(3), np.zeros(3)
     world.shafts.append(behind.name)
     link = world.spec.add_tendon(name=f"{site}_link", stiffness=joint.stiffness, damping=joint.damping)
-    link.springlength = np.full(2, joint.springref * degree)
+    link.springlength = np.full(2, joint.springref * _unit(world))
+    link.frictionloss, joint.frictionloss = joint.frictionloss, 0.0
+    link.solref_friction, link.solimp_friction = joint.solref_friction, joint.solimp_friction
     link.wrap_joint(site, 1.0)
     link.wrap_joint(behind.name, 1.0)
     joint.stiffness, joint.damping = np.zeros(3), np.zeros(3)
@@ -213,8 +220,8 @@ def _behind(world, site):
 
 def backlash(world: World, site: str, gap: float) -> None:
     """Play of `gap` rad between motor and link."""
-    slack, degree = _behind(world, site), 180 / np.pi
-    slack.limited, slack.range = True, [-gap / 2 * degree, gap / 2 * degree]
+    slack, half = _behind(world, site), gap / 2 / _unit(world)
+    slack.limited, slack.range = True, [-half, half]
     slack.solref_limit, slack.solimp_limit = STOP, FIRM
     slack.damping = np.array([1e-3, 0, 0])
 

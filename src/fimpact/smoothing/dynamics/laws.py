@@ -5,7 +5,7 @@ is known to some standard deviation only.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import mujoco
@@ -22,7 +22,21 @@ from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
 
 DRY = ("dof_frictionloss", "dof_solref", "dof_solimp")  # fields of dry friction
+DRIVES = ("dof_armature", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange")  # what effects change of them
 _LATEST: WeakKeyDictionary = WeakKeyDictionary()  # of each track: states, and what gears did along them
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What drives the gears of a hypothesis: its model, with rotors and motors, and commands that reach it, (N, nu)."""
+
+    model: mujoco.MjModel
+    ctrl: np.ndarray
+
+    def same(self, other: "Driven") -> bool:
+        """Whether it drives them alike."""
+        fields = all(np.array_equal(getattr(self.model, name), getattr(other.model, name)) for name in DRIVES)
+        return fields and np.array_equal(self.ctrl, other.ctrl)
 
 
 def expected_sign(speed: np.ndarray, doubt: np.ndarray) -> np.ndarray:
@@ -43,28 +57,33 @@ def bounds_of(track: Track, placed: Placed, states: States, tau: np.ndarray) -> 
     return np.broadcast_to(forward, track.count), np.broadcast_to(backward, track.count)
 
 
-def force_of(track: Track, placed: Placed, states: States, tau: np.ndarray, doubt: np.ndarray) -> np.ndarray:
+def force_of(
+    track: Track, placed: Placed, states: States, tau: np.ndarray, doubt: np.ndarray, driven: Driven | None = None
+) -> np.ndarray:
     """Generalised force, (N, nv), that `placed` adds along `states`; zero where it is no such law.
 
     Args:
-        tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv).
+        tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). driven: what drives gears, default: what the
+            track has.
     """
     if placed.effect.enters == "gear":
-        return _gear(track, placed, states)[0].copy()
+        return _gear(track, placed, states, driven)[0].copy()
     return _forces(track, [placed], states, tau, doubt)[0]
 
 
 def reading_of(
-    track: Track, placed: Placed, states: States, readings: np.ndarray, surprise: np.ndarray | float = 0.0
-) -> np.ndarray:
+    track: Track, placed: Placed, states: States, readings: np.ndarray, surprise: np.ndarray | float = 0.0,
+    driven: Driven | None = None,
+) -> np.ndarray:  # fmt: skip
     """Readings, (N, ny), as `placed` changes them.
 
     Args:
+        driven: as in `force_of`.
         surprise: (N, ny), what they hold beyond what readings before them foretold. A sensor of acceleration shows the
             missing force itself, so that its smoothed reading holds its own noise, which no law may be fitted to.
     """
     if placed.effect.enters == "gear":
-        return readings + _gear(track, placed, states)[1]
+        return readings + _gear(track, placed, states, driven)[1]
     if placed.effect.enters != "measurement":
         return readings
     foretold = readings - surprise
@@ -74,14 +93,15 @@ def reading_of(
 
 
 def acts_of(
-    track: Track, laws: Sequence[Placed], states: States, tau: np.ndarray, doubt: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray]]:
+    track: Track, laws: Sequence[Placed], states: States, tau: np.ndarray, doubt: np.ndarray,
+    driven: Driven | None = None,
+) -> list[tuple[np.ndarray, np.ndarray]]:  # fmt: skip
     """What each of `laws` alone adds along `states`: force, (N, nv), and change of the readings, (N, ny).
 
     Of gears beside what the rigid gear does; zero where it is no such law (what only readings tell: `reading_of`).
 
     Args:
-        tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv).
+        tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). driven: as in `force_of`.
     """
     still = (track.count, len(track.recording.channels))
     turning = [i for i, law in enumerate(laws) if law.effect.enters == "gear"]
@@ -91,7 +111,7 @@ def acts_of(
     rigid: dict[tuple[str, str], Placed] = {}
     for law in (laws[i] for i in turning):
         rigid.setdefault((law.effect.name, law.site), replace(law, values=law.effect.neutral))
-    acts = _gears(track, [*(laws[i] for i in turning), *rigid.values()], states)
+    acts = _gears(track, [*(laws[i] for i in turning), *rigid.values()], states, driven)
     beside = dict(zip(rigid, acts[len(turning) :], strict=True))
     for i, act in zip(turning, acts[: len(turning)], strict=True):
         none = beside[laws[i].effect.name, laws[i].site]
@@ -177,26 +197,29 @@ def speed_doubt(track: Track, states: States, doubt: np.ndarray) -> np.ndarray:
     return np.sqrt(doubt**2 + change**2 / 12)
 
 
-def _gear(track: Track, placed: Placed, states: States) -> tuple[np.ndarray, np.ndarray]:
+def _gear(track: Track, placed: Placed, states: States, driven: Driven | None) -> tuple[np.ndarray, np.ndarray]:
     """Force, (N, nv), and change of the readings, (N, ny), of one gear: plants ask for both again and again."""
-    around, found = _LATEST.get(track, (None, {}))
-    if around is not states:
+    driven = driven or Driven(track.model, track.ctrl[:, 0])
+    around, by, found = _LATEST.get(track, (None, driven, {}))
+    if around is not states or not by.same(driven):
         found = {}
-        _LATEST[track] = states, found
+        _LATEST[track] = states, driven, found
     own = placed.effect.law, placed.site
     if own not in found or found[own][0] != placed.values:
-        found[own] = dict(placed.values), _gears(track, [placed], states)[0]
+        found[own] = dict(placed.values), _gears(track, [placed], states, driven)[0]
     return found[own][1]
 
 
-def _gears(track: Track, laws: Sequence[Placed], states: States) -> list[tuple[np.ndarray, np.ndarray]]:
+def _gears(
+    track: Track, laws: Sequence[Placed], states: States, driven: Driven | None
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Force, (N, nv), and change of the readings, (N, ny), of each of `laws`, gears that give, carried along each run.
 
     What drives them does not depend on what they remember: it is found for all samples at once.
     """
-    model, shafts = track.model, {}
-    found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    seen = State(model, states.qpos, states.qvel, track.ctrl[:, 0], track.time, track.period, {}, {})
+    driven, shafts = driven or Driven(track.model, track.ctrl[:, 0]), {}
+    model, found = driven.model, {}
+    seen = State(model, states.qpos, states.qvel, driven.ctrl, track.time, track.period, {}, {})
     rate = (track.next(states).qvel - states.qvel) / track.period
     for site in dict.fromkeys(law.site for law in laws):
         dof, servo = int(model.joint(site).dofadr[0]), ahead_of(seen, site) if is_servo(seen, site) else None

@@ -10,7 +10,7 @@ import numpy as np
 from fimpact.effects.base import Placed
 from fimpact.simulation.nonsmooth import stop_within_a_step
 from fimpact.smoothing.dynamics.dry_friction import Rubbing, rubbing
-from fimpact.smoothing.dynamics.laws import DRY, force_of, reading_of
+from fimpact.smoothing.dynamics.laws import DRY, Driven, force_of, reading_of
 from fimpact.smoothing.dynamics.sampled_commands import Commands
 from fimpact.smoothing.dynamics.track import Step, Track
 from fimpact.smoothing.states import States
@@ -41,6 +41,11 @@ class Plant:
         return self.models[0]
 
     @property
+    def driven(self) -> Driven:
+        """What drives its gears."""
+        return Driven(self.model, self.ctrl.mean)
+
+    @property
     def plain(self) -> "Plant":
         """The same at one time step only: a derivative hardly feels the step's error."""
         return replace(self, models=self.models[:1])
@@ -63,7 +68,7 @@ class Plant:
         found = self.track.ahead(self.models, states, self.ctrl, self.force + tau)
         readings = found.readings
         for law in self.placed:
-            readings = reading_of(self.track, law, self.around, readings, self.surprise)
+            readings = reading_of(self.track, law, self.around, readings, self.surprise, self.driven)
         return Step(found.after, readings)
 
 
@@ -87,11 +92,10 @@ def plant_of(
     dry = _taken_dry(track, model)
     laws = [law for law in placed if law.effect.enters == "friction"]
     rub = rubbing(track, model, dry, laws, states, tau, doubt, sign)
-    force = rub.force.copy()
+    force, models, ctrl = rub.force.copy(), track.at_steps(model), track.commands(placed)
     for law in placed:
         if law.effect.enters != "friction":
-            force += force_of(track, law, states, tau, doubt)
-    models, ctrl = track.at_steps(model), track.commands(placed)
+            force += force_of(track, law, states, tau, doubt, Driven(model, ctrl.mean))
     return Plant(track, models, tuple(placed), ctrl, force, rub, states, tau, dry, surprise)
 
 

@@ -151,10 +151,10 @@ class Response:
         if laws == own or not any(p.effect.enters in ("measurement", "gear") for p in (*laws, *own)):
             return self.nothing().readings
         raw, ends = self._raw.readings, []
-        for placed in (laws, own):
+        for placed, driven in ((laws, plant.driven), (own, self.plant.driven)):
             readings = raw
             for law in placed:
-                readings = reading_of(self.track, law, self.states, readings, plant.surprise)
+                readings = reading_of(self.track, law, self.states, readings, plant.surprise, driven)
             ends.append(readings)
         return ends[0] - ends[1]
 

@@ -1,4 +1,4 @@
-"""The filter of `kalman` over all runs of a track, run by run on all threads."""
+"""The filter of `kalman` over all runs of a track, on all threads."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -24,17 +24,18 @@ class Filtered:
     def adjoint(self, track: Track, linear: Linear, innovations: np.ndarray) -> list[np.ndarray]:
         """`kalman.adjoint` of innovations (N, ny, c)."""
         parts = linear.advance, linear.reads, self.gains, self.sd, innovations
-        return _over_runs(track, lambda rows, i: kalman.adjoint(*(part[rows] for part in parts)))
+        return _over_runs(track, lambda bounds, rows, _: kalman.adjoint(bounds, *(part[rows] for part in parts)))
 
 
 def filtered(track: Track, linear: Linear, levels: Levels) -> Filtered:
     """Filter the covariance of every run at the given noise levels."""
     noise = np.where(np.isfinite(track.measured), levels.reading * levels.louder, np.inf)
     parts = linear.advance, linear.reads, noise, levels.forces
+    start = np.array([np.diag(spread) for spread in linear.spread])
     return Filtered(
         *_over_runs(
             track,
-            lambda rows, i: kalman.covariances(*(part[rows] for part in parts), np.diag(linear.spread[i])),
+            lambda bounds, rows, runs: kalman.covariances(bounds, *(part[rows] for part in parts), start[runs]),
         )
     )
 
@@ -49,9 +50,9 @@ def swept(track: Track, linear: Linear, own: Filtered, pulls: np.ndarray) -> lis
     first[:, :, 0] = linear.first
     parts = linear.advance, linear.reads, own.gains, own.sd
 
-    def work(rows, i):
+    def work(bounds, rows, runs):
         ends = linear.offsets[rows], linear.left[rows], pulls[rows]
-        return kalman.means(*(part[rows] for part in parts), first[i], *map(np.ascontiguousarray, ends))
+        return kalman.means(bounds, *(part[rows] for part in parts), first[runs], *map(np.ascontiguousarray, ends))
 
     return _over_runs(track, work)
 
@@ -59,10 +60,18 @@ def swept(track: Track, linear: Linear, own: Filtered, pulls: np.ndarray) -> lis
 def variances(track: Track, linear: Linear, own: Filtered) -> list[np.ndarray]:
     """`kalman.adjoint_variances` of every run."""
     parts = linear.advance, linear.reads, own.gains, own.sd
-    return _over_runs(track, lambda rows, i: kalman.adjoint_variances(*(part[rows] for part in parts)))
+    return _over_runs(track, lambda bounds, rows, _: kalman.adjoint_variances(bounds, *(part[rows] for part in parts)))
 
 
 def _over_runs(track: Track, work: Callable) -> list[np.ndarray]:
-    with ThreadPoolExecutor(threads()) as pool:
-        found = list(pool.map(lambda pair: work(pair[1], pair[0]), enumerate(track.slices())))
+    """Rows (N, ...) of what `work` makes of the bounds of some runs, their rows and their numbers."""
+    groups = np.array_split(np.arange(len(track.lengths)), min(threads(), len(track.lengths)))
+    asked = []
+    for group in groups:
+        bounds = track.bounds[group[0] : group[-1] + 2]
+        asked.append((bounds - bounds[0], slice(bounds[0], bounds[-1]), slice(group[0], group[-1] + 1)))
+    if len(asked) == 1:
+        return list(work(*asked[0]))
+    with ThreadPoolExecutor(len(asked)) as pool:
+        found = list(pool.map(work, *zip(*asked, strict=True)))
     return [np.concatenate(parts) for parts in zip(*found, strict=True)]

@@ -41,12 +41,13 @@ def _triangular(rows: np.ndarray) -> np.ndarray:
 
 
 @numba.njit(cache=True, nogil=True)
-def covariances(advance, reads, noise, force, start):
-    """Filter the covariance of one run.
+def covariances(bounds, advance, reads, noise, force, start):
+    """Filter the covariances of runs that lie one after the other.
 
     Args:
-        advance: (K, n, m) of z to the next x. reads: (K, ny, m) of z to the readings. noise: (K, ny) sd, inf: nothing
-            was read. force: (K, nv) sd of the missing force. start: (n, n) factor of the first state's covariance.
+        bounds: (runs + 1,) row at which each run begins, and the end. advance: (K, n, m) of z to the next x. reads:
+            (K, ny, m) of z to the readings. noise: (K, ny) sd, inf: nothing was read. force: (K, nv) sd of the missing
+            force. start: (runs, n, n) factor of each first state's covariance.
 
     Returns:
         Gain (K, ny, m) of each reading, taken one after the other; sd (K, ny) of its innovation, inf where nothing was
@@ -55,87 +56,93 @@ def covariances(advance, reads, noise, force, start):
     samples, n, m = advance.shape
     ny, nv = reads.shape[1], m - n
     gains, sd, before = np.zeros((samples, ny, m)), np.full((samples, ny), np.inf), np.zeros((samples, n, n))
-    state = start.copy()
     factor = np.zeros((m, m))
-    for k in range(samples):
-        before[k] = state
-        factor[:] = 0.0
-        factor[:n, :n] = state
-        for j in range(nv):
-            factor[n + j, n + j] = force[k, j]
-        for a in range(ny):
-            own = noise[k, a]
-            if not np.isfinite(own):
-                continue
-            seen = np.zeros(m)
-            for i in range(m):
-                h = reads[k, a, i]
-                if h != 0.0:
-                    for j in range(m):
-                        seen[j] += h * factor[i, j]
-            total = own * own
-            for j in range(m):
-                total += seen[j] ** 2
-            gain = factor @ seen / total
-            gains[k, a] = gain
-            sd[k, a] = np.sqrt(total)
-            share = 1.0 / (1.0 + own / sd[k, a])
-            for i in range(m):
-                g = gain[i] * share
-                if g != 0.0:
-                    for j in range(m):
-                        factor[i, j] -= g * seen[j]
-        if k < samples - 1:
-            state = _triangular(advance[k] @ factor)
+    for run in range(len(bounds) - 1):
+        state = start[run].copy()
+        for k in range(bounds[run], bounds[run + 1]):
+            before[k] = state
+            factor[:] = 0.0
+            factor[:n, :n] = state
+            for j in range(nv):
+                factor[n + j, n + j] = force[k, j]
+            for a in range(ny):
+                own = noise[k, a]
+                if not np.isfinite(own):
+                    continue
+                seen = np.zeros(m)
+                for i in range(m):
+                    h = reads[k, a, i]
+                    if h != 0.0:
+                        for j in range(m):
+                            seen[j] += h * factor[i, j]
+                total = own * own
+                for j in range(m):
+                    total += seen[j] ** 2
+                gain = factor @ seen / total
+                gains[k, a] = gain
+                sd[k, a] = np.sqrt(total)
+                share = 1.0 / (1.0 + own / sd[k, a])
+                for i in range(m):
+                    g = gain[i] * share
+                    if g != 0.0:
+                        for j in range(m):
+                            factor[i, j] -= g * seen[j]
+            if k < bounds[run + 1] - 1:
+                state = _triangular(advance[k] @ factor)
     return gains, sd, before
 
 
 @numba.njit(cache=True, nogil=True)
-def means(advance, reads, gains, sd, first, offsets, off_reads, pulls):
-    """Filter the means of one run, all columns at once.
+def means(bounds, advance, reads, gains, sd, first, offsets, off_reads, pulls):
+    """Filter the means of runs, all columns at once.
 
     Args:
-        first: (n, c) mean of the first state. offsets: (K, n, c0), off_reads: (K, ny, c0) what each of the first c0
-            columns adds to the next state and to the readings left. pulls: (K, nv, c) mean of the missing force.
+        bounds: as in `covariances`. first: (runs, n, c) mean of each first state. offsets: (K, n, c0), off_reads: (K,
+            ny, c0) what each of the first c0 columns adds to the next state and to the readings left. pulls: (K, nv, c)
+            mean of the missing force.
 
     Returns:
         Innovations in sd, (K, ny, c), 0 where nothing was read, and the mean of z before the readings, (K, m, c).
     """
     samples, n, m = advance.shape
-    ny, c, c0 = reads.shape[1], first.shape[1], offsets.shape[2]
+    ny, c, c0 = reads.shape[1], first.shape[2], offsets.shape[2]
     out, kept = np.zeros((samples, ny, c)), np.zeros((samples, m, c))
     mean = np.zeros((m, c))
-    mean[:n] = first
-    for k in range(samples):
-        mean[n:] = pulls[k]
-        kept[k] = mean
-        for a in range(ny):
-            if not np.isfinite(sd[k, a]):
-                continue
-            left = np.zeros(c)
-            for i in range(m):
-                h = reads[k, a, i]
-                if h != 0.0:
-                    for j in range(c):
-                        left[j] -= h * mean[i, j]
-            for j in range(c0):
-                left[j] += off_reads[k, a, j]
-            for i in range(m):
-                g = gains[k, a, i]
-                if g != 0.0:
-                    for j in range(c):
-                        mean[i, j] += g * left[j]
-            for j in range(c):
-                out[k, a, j] = left[j] / sd[k, a]
-        if k < samples - 1:
-            mean[:n] = advance[k] @ mean
-            mean[:n, :c0] += offsets[k]
+    for run in range(len(bounds) - 1):
+        mean[:n] = first[run]
+        for k in range(bounds[run], bounds[run + 1]):
+            mean[n:] = pulls[k]
+            kept[k] = mean
+            for a in range(ny):
+                if not np.isfinite(sd[k, a]):
+                    continue
+                left = np.zeros(c)
+                for i in range(m):
+                    h = reads[k, a, i]
+                    if h != 0.0:
+                        for j in range(c):
+                            left[j] -= h * mean[i, j]
+                for j in range(c0):
+                    left[j] += off_reads[k, a, j]
+                for i in range(m):
+                    g = gains[k, a, i]
+                    if g != 0.0:
+                        for j in range(c):
+                            mean[i, j] += g * left[j]
+                for j in range(c):
+                    out[k, a, j] = left[j] / sd[k, a]
+            if k < bounds[run + 1] - 1:
+                mean[:n] = advance[k] @ mean
+                mean[:n, :c0] += offsets[k]
     return out, kept
 
 
 @numba.njit(cache=True, nogil=True)
-def adjoint(advance, reads, gains, sd, innovations):
-    """Run back through the innovations of one run, (K, ny, c), in sd.
+def adjoint(bounds, advance, reads, gains, sd, innovations):
+    """Run back through the innovations of runs, (K, ny, c), in sd.
+
+    Args:
+        bounds: as in `covariances`.
 
     Returns:
         (K, m, c) adjoint of z before the readings: the smoothed z is its mean minus its covariance times this; (K, ny,
@@ -144,59 +151,61 @@ def adjoint(advance, reads, gains, sd, innovations):
     samples, n, m = advance.shape
     ny, c = innovations.shape[1], innovations.shape[2]
     out, errors = np.zeros((samples, m, c)), np.zeros((samples, ny, c))
-    back = np.zeros((m, c))
-    for k in range(samples - 1, -1, -1):
-        if k < samples - 1:
-            back = advance[k].T @ np.ascontiguousarray(out[k + 1, :n])
-        for a in range(ny - 1, -1, -1):
-            if not np.isfinite(sd[k, a]):
-                continue
-            left = np.zeros(c)
-            for i in range(m):
-                g = gains[k, a, i]
-                if g != 0.0:
-                    for j in range(c):
-                        left[j] += g * back[i, j]
-            for j in range(c):
-                left[j] += innovations[k, a, j] / sd[k, a]
-                errors[k, a, j] = left[j]
-            for i in range(m):
-                h = reads[k, a, i]
-                if h != 0.0:
-                    for j in range(c):
-                        back[i, j] -= h * left[j]
-        out[k] = back
+    for run in range(len(bounds) - 1):
+        back = np.zeros((m, c))
+        for k in range(bounds[run + 1] - 1, bounds[run] - 1, -1):
+            if k < bounds[run + 1] - 1:
+                back = advance[k].T @ np.ascontiguousarray(out[k + 1, :n])
+            for a in range(ny - 1, -1, -1):
+                if not np.isfinite(sd[k, a]):
+                    continue
+                left = np.zeros(c)
+                for i in range(m):
+                    g = gains[k, a, i]
+                    if g != 0.0:
+                        for j in range(c):
+                            left[j] += g * back[i, j]
+                for j in range(c):
+                    left[j] += innovations[k, a, j] / sd[k, a]
+                    errors[k, a, j] = left[j]
+                for i in range(m):
+                    h = reads[k, a, i]
+                    if h != 0.0:
+                        for j in range(c):
+                            back[i, j] -= h * left[j]
+            out[k] = back
     return out, errors
 
 
 @numba.njit(cache=True, nogil=True)
-def adjoint_variances(advance, reads, gains, sd):
+def adjoint_variances(bounds, advance, reads, gains, sd):
     """Variances of what `adjoint` returns, for the data's own column: (K, nv) of the force's part, (K, ny) of the
     smoothing errors, and (K, n, n) factor of the state's part. Carried as factors, as the covariances are."""
     samples, n, m = advance.shape
     ny, nv = reads.shape[1], m - n
     force, errors, states = np.zeros((samples, nv)), np.zeros((samples, ny)), np.zeros((samples, n, n))
     factor = np.zeros((m, m + ny))
-    for k in range(samples - 1, -1, -1):
-        factor[:] = 0.0
-        if k < samples - 1:
-            factor[:, :n] = advance[k].T @ states[k + 1]
-        for a in range(ny - 1, -1, -1):
-            if not np.isfinite(sd[k, a]):
-                continue
-            gain, h = gains[k, a], reads[k, a]
-            along = gain @ factor
-            size = 1.0 / sd[k, a] ** 2
-            for j in range(m + ny):
-                size += along[j] ** 2
-            errors[k, a] = size
-            for i in range(m):
-                if h[i] != 0.0:
-                    for j in range(m + ny):
-                        factor[i, j] -= h[i] * along[j]
-                    factor[i, m + a] += h[i] / sd[k, a]
-        for j in range(nv):
-            for i in range(m + ny):
-                force[k, j] += factor[n + j, i] ** 2
-        states[k] = _triangular(factor[:n].copy())
+    for run in range(len(bounds) - 1):
+        for k in range(bounds[run + 1] - 1, bounds[run] - 1, -1):
+            factor[:] = 0.0
+            if k < bounds[run + 1] - 1:
+                factor[:, :n] = advance[k].T @ states[k + 1]
+            for a in range(ny - 1, -1, -1):
+                if not np.isfinite(sd[k, a]):
+                    continue
+                gain, h = gains[k, a], reads[k, a]
+                along = gain @ factor
+                size = 1.0 / sd[k, a] ** 2
+                for j in range(m + ny):
+                    size += along[j] ** 2
+                errors[k, a] = size
+                for i in range(m):
+                    if h[i] != 0.0:
+                        for j in range(m + ny):
+                            factor[i, j] -= h[i] * along[j]
+                        factor[i, m + a] += h[i] / sd[k, a]
+            for j in range(nv):
+                for i in range(m + ny):
+                    force[k, j] += factor[n + j, i] ** 2
+            states[k] = _triangular(factor[:n].copy())
     return force, errors, states
