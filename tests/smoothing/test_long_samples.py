@@ -220,7 +220,7 @@ def test_the_share_of_what_a_stiff_servo_hides_is_that_of_its_own_force():
     tried = [replace(viscous, positive=(False,))]
     regression = Regression(fit, columns(fit, tried))
     missing = 1e3 * (tried[0].sd[0] * fit.states.qvel).var(0) * own.track.count
-    (trial,) = search(regression, [Option("viscous", 0, (0,))], missing, 0.0).tried
+    (trial,) = search(regression, [Option("viscous", 0, (0,), compound=True)], missing, 0.0).tried
     size = trial.estimate.values[-1] ** 2 / 1e3
     assert trial.share == pytest.approx(size, rel=0.5)
 

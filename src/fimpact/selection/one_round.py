@@ -24,9 +24,10 @@ class Trial:
 
     p: chance of its gain over all that was tried. gain, error, sure: predicted on stretches that were not fitted, in
     squared innovations, with what is nearer to the priors, its standard error, and what it is at the least, whichever
-    stretches were recorded; 0 of what may be chance. share, place: largest share of the missing force that it takes away (1 of what is no
-    force), and its contact mode and degree of freedom. errors: (stretches,) squared innovations left. places:
-    ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their priors for it.
+    stretches were recorded; 0 of what may be chance. share, place: largest share of the missing force that it takes
+    away (1 of what is no force), and its contact mode and degree of freedom. errors: (stretches,) squared innovations
+    left. places: ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their
+    priors for it.
     """
 
     option: Option
