@@ -49,7 +49,7 @@ def test_the_whole_benchmark_is_planned(fresh):
 
 
 def test_the_full_benchmark_has_all_its_parts(fresh):
-    assert planned(fresh, "concealed")["diagnose_concealed"] == 150
+    assert planned(fresh, "concealed")["diagnose_concealed"] == 60
 
 
 def test_only_those_who_know_touch_the_seals(fresh):
