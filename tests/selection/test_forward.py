@@ -10,7 +10,7 @@ from recorded import rod
 
 from fimpact.deciding import BELIEF, SHARE, TYPICAL
 from fimpact.effects import EFFECTS
-from fimpact.selection import forward
+from fimpact.selection import explanation, forward
 from fimpact.selection.explanation import explain
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import Trial, attempt, search
@@ -224,6 +224,19 @@ def test_the_budget_ends_a_search(monkeypatch, rounds, names):
     assert [law.name for law in result.final.placed] == names
     assert (result.final is result.naive) == (not rounds)
     assert made.track.quanta > forward.BUDGET or not rounds
+
+
+@pytest.mark.parametrize(("drops", "rounds"), [(False, 1), (True, 2)])
+def test_what_a_part_in_doubt_stood_in_the_way_of_is_asked_once_it_has_gone(monkeypatch, drops, rounds):
+    made, asked = prepare(rod(0.15), refine=1), []
+    monkeypatch.setattr(Search, "round", lambda self: bool(asked.append(self)))
+
+    def without(state):
+        return replace(state.current) if drops else state.current
+
+    monkeypatch.setattr(explanation, "without_doubtful_parts", without)
+    explain(made.track, made.begun, made.noise, [EFFECTS["coulomb"]])
+    assert len(asked) == rounds
 
 
 @pytest.mark.parametrize(("alike", "asked"), [(0.97, True), (0.8, False)])

@@ -16,7 +16,7 @@ from fimpact.selection import pruning
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import search
 from fimpact.selection.options import Option
-from fimpact.selection.pruning import pruned
+from fimpact.selection.pruning import pruned, without_doubtful_parts
 from fimpact.selection.regression import Regression
 from fimpact.selection.servo_drives import align, drive, far
 from fimpact.selection.substitutes import Alternative
@@ -175,11 +175,28 @@ def test_parts_of_a_drive_are_judged_beside_one_another(monkeypatch):
     assert search.parts >= {law.name for law in search.current.placed} >= {"viscous@pivot"}
     monkeypatch.setattr(pruning, "bears", lambda regression, place, *bar: asked.update({place: bar}) or True)
     pruned(search, search.current)
-    assert {floor for _, floor in asked.values()} == {REFINES}
-    assert all(missing < search.missing.sum() for missing, _ in asked.values())
+    assert {floor for _, floor, _ in asked.values()} == {REFINES}
+    assert all(missing < search.missing.sum() for missing, *_ in asked.values())
     search.parts = set()
     pruned(search, search.current)
-    assert {floor for _, floor in asked.values()} == {SHARE}
+    assert {floor for _, floor, _ in asked.values()} == {SHARE}
+
+
+@pytest.mark.parametrize(("chance", "first", "last"), [(0.1, 0, 0), (0.02, 3, 0), (1e-4, 3, 3)])
+def test_parts_that_may_be_hidden_stay_until_all_is_found(monkeypatch, chance, first, last):
+    """By their chance where there is nothing of them: alone, and in the end over all that is in."""
+    monkeypatch.setattr(pruning, "chance_of", lambda *given: chance)
+    monkeypatch.setattr(pruning, "share_of", lambda *given: 1.0)
+    heavy = followed(kp=30.0)
+    light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(heavy, xml=light))
+    drive(search)
+    parts = search.current.placed
+    assert len(parts) == first
+    search.alternatives = [Alternative(parts, search.current.theta, 0.5)]
+    assert len(without_doubtful_parts(search).placed) == last == len(search.alternatives[0].placed)
+    search.parts = set()
+    assert without_doubtful_parts(search) is search.current
 
 
 def test_what_a_force_does_to_a_joint_that_sticks_is_judged_over_as_much_as_may_be_missing():

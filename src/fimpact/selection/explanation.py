@@ -9,7 +9,7 @@ from fimpact.deciding import SHARE
 from fimpact.effects.base import Effect, Scales
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import Round
-from fimpact.selection.pruning import simplified
+from fimpact.selection.pruning import simplified, without_doubtful_parts
 from fimpact.selection.regression import Regression
 from fimpact.selection.search_scope import Limits
 from fimpact.selection.servo_drives import align, drive
@@ -57,8 +57,12 @@ def explain(
         align(state, late)
     if state.asks():
         drive(state)
-    while state.asks() and state.round():
-        pass
+    for _ in range(2):  # what a part in doubt stood in the way of is asked once it has gone
+        while state.asks() and state.round():
+            pass
+        before, state.current = state.current, without_doubtful_parts(state)
+        if state.current is before:
+            break
     final = state.current = simplified(state)
     return Explanation(
         state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint,

@@ -3,9 +3,13 @@
 Each takes the state of a search (`forward.Search`).
 """
 
-import numpy as np
+from collections.abc import Collection
+from dataclasses import replace
 
-from fimpact.deciding import P_ALARM, REFINES, SHARE, TIED
+import numpy as np
+from scipy import stats
+
+from fimpact.deciding import BELIEF, P_ALARM, REFINES, SHARE, TIED
 from fimpact.selection.one_round import chance_of, share_of
 from fimpact.selection.regression import Regression
 from fimpact.smoothing.columns import columns
@@ -13,14 +17,17 @@ from fimpact.smoothing.parameters import is_shape
 from fimpact.smoothing.smoother import Smoothed, smooth
 
 
-def pruned(search, fit: Smoothed, floor: float = SHARE) -> Smoothed:
+def pruned(search, fit: Smoothed, floor: float = SHARE, drive: bool = False, stays: Collection[str] = ()) -> Smoothed:
     """The fit without what is worth nothing, one refit for all of it.
 
     Args:
         floor: the share of `search.whole` that each must bear; where that is of what is left, what was in before stays.
+        drive: a whole drive has just come in. What else is missing hides its parts: until that is found, one stays that
+            is told from nothing by itself. stays: names that are not asked.
     """
     small = floor == REFINES
-    before = {law.name for law in search.current.placed} if small else set()
+    before = {*stays, *(law.name for law in search.current.placed if small)}
+    alone = 2 * stats.norm.sf(BELIEF)
     while fit.converged:
         regression = Regression(fit, columns(fit, []))
         parts = [i for i, law in enumerate(fit.placed) if law.name in search.parts and not small]
@@ -29,13 +36,26 @@ def pruned(search, fit: Smoothed, floor: float = SHARE) -> Smoothed:
         missing = search.whole(fit, floor)
         kept = [
             i for i, law in enumerate(fit.placed)
-            if law.name in before or bears(regression, i, *bars.get(i, (missing, floor)))
+            if law.name in before
+            or bears(regression, i, *bars.get(i, (missing, floor)), alone if drive else P_ALARM / len(fit.placed))
         ]  # fmt: skip
         if len(kept) == len(fit.placed):
             return fit
         search.weak |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
         placed, priors = tuple(fit.placed[i] for i in kept), tuple(fit.priors[i] for i in kept)
         fit = smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress)
+    return fit
+
+
+def without_doubtful_parts(search) -> Smoothed:
+    """What is in but for parts of whole drives that are worth nothing, now that all is found that will be."""
+    names = [law.name for law in search.current.placed]
+    if not search.parts & {*names}:
+        return search.current
+    fit = pruned(search, search.current, stays={*names} - search.parts)
+    gone = {*names} - {law.name for law in fit.placed}
+    others = [(own, tuple(law for law in own.placed if law.name not in gone)) for own in search.alternatives]
+    search.alternatives = [replace(own, placed=placed) for own, placed in others]
     return fit
 
 
@@ -56,12 +76,12 @@ def simplified(search) -> Smoothed:
     return fit
 
 
-def bears(regression: Regression, place: int, missing: np.ndarray, floor: float) -> bool:
+def bears(regression: Regression, place: int, missing: np.ndarray, floor: float, chance: float) -> bool:
     """Tell whether the effect number `place` bears its share `floor` of what is `missing`, squared, (contact modes,
-    nv)."""
+    nv), and is less likely than `chance` to be none."""
     fit = regression.smoothed
     own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)]
     steps = {i: -1.0 if n.log else -n.value for i, n in own}
-    if not steps or chance_of(regression, steps) * len(fit.placed) >= P_ALARM:
+    if not steps or chance_of(regression, steps) >= chance:
         return False
     return any(share_of(regression, i, step, missing) > floor / 2 for i, step in steps.items())

@@ -83,7 +83,7 @@ def drive(search) -> None:
     best = _alike(search, refitted_whole(search, regression, trial))
     before = {law.name for law in search.current.placed}
     search.parts = {law.name for law in best.placed} - before
-    best = pruned(search, best)
+    best = pruned(search, best, drive=True)
     spread = regression.dispersion
     if best.converged and best.placed and best.loss(spread) < search.current.loss(spread):
         added = tuple(law for law in best.placed if law.name not in before)
