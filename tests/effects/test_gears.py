@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fimpact.benchmark.planting import joints
+from fimpact.benchmark.planting import gears
 from fimpact.benchmark.planting.ground_truth import compiled, new_world
 from fimpact.benchmark.rigs.registry import rig_of
 from fimpact.effects import EFFECTS
@@ -56,9 +56,9 @@ def measured(xml, refine=1, placed=(), joints=1):
 
 def behind(name, values, xml=XML):
     """The same mechanism with a joint between motor and link, as the benchmark plants it."""
-    world = SimpleNamespace(spec=mujoco.MjSpec.from_string(xml), shafts=[])
+    world = SimpleNamespace(spec=mujoco.MjSpec.from_string(xml), shafts=[], angle=np.pi / 180)
     planted = {key: value for key, value in values.items() if key != "retardation"}
-    getattr(joints, name)(world, "hinge", **planted)
+    getattr(gears, name)(world, "hinge", **planted)
     return world.spec.to_xml()
 
 
@@ -175,7 +175,7 @@ def test_what_is_planted_leaves_contacts_as_soft_as_they_were():
     """MuJoCo scales the softness of a contact by an inverse inertia that a joint behind the motor would change."""
     rig = rig_of("arm_contact")
     plain, world = (new_world(rig, np.zeros(len(rig.unknowns)), fine=True) for _ in range(2))
-    joints.joint_elasticity(world, "joint_3", compliance=0.002)
+    gears.joint_elasticity(world, "joint_3", compliance=0.002)
     found, raw = compiled(world), world.spec.compile()
     np.testing.assert_allclose(found.body_invweight0, compiled(plain).body_invweight0, rtol=1e-4)
     assert not np.allclose(raw.body_invweight0, compiled(plain).body_invweight0, rtol=0.05)

@@ -46,6 +46,11 @@ class World:
     settled: list[str] = field(default_factory=list)
 
     @property
+    def angle(self) -> float:
+        """Unit of the specification's angles, rad: degrees in a file by hand, radians in what MuJoCo has written."""
+        return np.pi / 180 if self.spec.compiler.degree else 1.0
+
+    @property
     def hold(self) -> int:
         """Steps for which the hooks' forces are held: hooks are slow and need no more than `HELD` s."""
         return max(1, round(HELD / self.step)) if self.hooks else 1

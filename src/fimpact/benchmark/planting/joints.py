@@ -3,11 +3,9 @@
 import mujoco
 import numpy as np
 
-from fimpact.benchmark.planting.ground_truth import FIRM, World, sharp_dry_friction
+from fimpact.benchmark.planting.ground_truth import World, sharp_dry_friction
 
 NEARLY_NONE = 1e-9  # N m: a friction row must exist when the model is compiled
-RINGING = 2e-3  # s, damping of an elastic gear over its stiffness
-STOP = (0.001, 1.0)  # solref of hard stops, s and 1: at 5 ms the shaft overran them by more than half of the play
 
 
 def coulomb(world: World, site: str, friction: float) -> None:
@@ -180,7 +178,7 @@ def cable_hysteresis(world: World, site: str, coefficient: float, stretch: float
 def spring(world: World, site: str, stiffness: float, rest: float) -> None:
     """A hose or return spring, N m/rad, slack at `rest` rad; added to the joint's own spring."""
     joint = world.spec.joint(site)
-    degree = _unit(world) if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1.0
+    degree = world.angle if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1.0
     own, total = joint.stiffness[0], joint.stiffness[0] + stiffness
     joint.springref = (own * joint.springref * degree + stiffness * rest) / total / degree
     joint.stiffness = np.array([total, 0, 0])
@@ -195,41 +193,6 @@ def hardening_spring(world: World, site: str, cubic: float) -> None:
 def soft_stop(world: World, site: str, stiffness: float, limit: float) -> None:
     """A rubber stop, N m/rad, beyond `limit` rad on either side. Outside the catalogue."""
     push(world, site, lambda v, q, u, t, h, m: -stiffness * np.sign(q) * max(abs(q) - limit, 0.0))
-
-
-def _unit(world) -> float:
-    """Unit of the angles in a specification, rad: degrees in a file by hand, radians in what MuJoCo has written."""
-    return np.pi / 180 if world.spec.compiler.degree else 1.0
-
-
-def _behind(world, site):
-    """A joint between motor and link: encoder and rotor stay with the motor, bearing and springs go to the link."""
-    joint = world.spec.joint(site)
-    behind = joint.parent.add_joint(name=f"{site}_behind", type=joint.type, axis=joint.axis)
-    behind.armature, behind.stiffness, behind.damping = 0.0, np.zeros(3), np.zeros(3)
-    world.shafts.append(behind.name)
-    link = world.spec.add_tendon(name=f"{site}_link", stiffness=joint.stiffness, damping=joint.damping)
-    link.springlength = np.full(2, joint.springref * _unit(world))
-    link.frictionloss, joint.frictionloss = joint.frictionloss, 0.0
-    link.solref_friction, link.solimp_friction = joint.solref_friction, joint.solimp_friction
-    link.wrap_joint(site, 1.0)
-    link.wrap_joint(behind.name, 1.0)
-    joint.stiffness, joint.damping = np.zeros(3), np.zeros(3)
-    return behind
-
-
-def backlash(world: World, site: str, gap: float) -> None:
-    """Play of `gap` rad between motor and link."""
-    slack, half = _behind(world, site), gap / 2 / _unit(world)
-    slack.limited, slack.range = True, [-half, half]
-    slack.solref_limit, slack.solimp_limit = STOP, FIRM
-    slack.damping = np.array([1e-3, 0, 0])
-
-
-def joint_elasticity(world: World, site: str, compliance: float) -> None:
-    """A gear that gives: rad/(N m) between motor and link, and swings out within some milliseconds."""
-    shaft = _behind(world, site)
-    shaft.stiffness, shaft.damping = np.array([1 / compliance, 0, 0]), np.array([RINGING / compliance, 0, 0])
 
 
 def rotor_inertia(world: World, site: str, inertia: float) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fimpact.benchmark.planting import bodies, contacts, joints, servos, signals
+from fimpact.benchmark.planting import bodies, contacts, gears, joints, servos, signals
 from fimpact.benchmark.planting.plant import Plant, Values
 
 FREE, PRESS, BLOCK = "arm_free", "arm_contact", "block"
@@ -135,8 +135,8 @@ PLANTS = {
     "load_dependent_friction": _joint(joints.load_friction, "coefficient", 0.01, 0.4),
     "dahl": Plant(joints.dahl, JOINTS, _with_shape("friction"), 0.01, 0.6, _drawn(displacement=(0.03, 0.15)), power=1),
     "quadratic_damping": _joint(joints.quadratic_damping, "damping", 0.002, 0.3, power=1),
-    "backlash": _joint(joints.backlash, "gap", 0.002, 0.15, stiff=8),
-    "joint_elasticity": _joint(joints.joint_elasticity, "compliance", 0.001, 0.1, power=-1),
+    "backlash": _joint(gears.backlash, "gap", 0.002, 0.15, stiff=8),
+    "joint_elasticity": _joint(gears.joint_elasticity, "compliance", 0.001, 0.1, power=-1),
     "torque_ripple": Plant(
         joints.torque_ripple,
         JOINTS,

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -65,11 +66,11 @@ def variances(track: Track, linear: Linear, own: Filtered) -> list[np.ndarray]:
 
 def _over_runs(track: Track, work: Callable) -> list[np.ndarray]:
     """Rows (N, ...) of what `work` makes of the bounds of some runs, their rows and their numbers."""
-    groups = np.array_split(np.arange(len(track.lengths)), min(threads(), len(track.lengths)))
+    cuts = np.unique(np.searchsorted(track.bounds, np.linspace(0, track.bounds[-1], threads() + 1)))
     asked = []
-    for group in groups:
-        bounds = track.bounds[group[0] : group[-1] + 2]
-        asked.append((bounds - bounds[0], slice(bounds[0], bounds[-1]), slice(group[0], group[-1] + 1)))
+    for first, last in pairwise(cuts):  # about as many samples each
+        bounds = track.bounds[first : last + 1]
+        asked.append((bounds - bounds[0], slice(bounds[0], bounds[-1]), slice(first, last)))
     if len(asked) == 1:
         return list(work(*asked[0]))
     with ThreadPoolExecutor(len(asked)) as pool:
