@@ -21,7 +21,7 @@ SHARED = ["__init__", *TABLES, "recordings", *of("benchmark", "archive jsonl")]
 ROBOTS = ["support/mujoco_setup", "benchmark/truth", *of("benchmark/rigs", "planar registry rig robots")]
 ROBOTS += of(
     "benchmark/planting",
-    "bodies contacts crowd ground_truth joints out_of_catalogue plant planted_effects servos signals",
+    "bodies contacts crowd gears ground_truth joints out_of_catalogue plant planted_effects servos signals",
 )
 DRAWING = of("benchmark", "generator plan seal site_equivalence") + ["benchmark/planting/confusable_pairs"]
 DRAWING += of(
