@@ -2,9 +2,10 @@
 
 from functools import cache
 
+import mujoco
 import numpy as np
 import pytest
-from recorded import BALL, ROD, arm, record, rod, waves
+from recorded import ARM, BALL, ROD, arm, record, rod, waves
 
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
@@ -43,6 +44,27 @@ def test_what_is_left_is_said_by_place_and_by_what_it_follows(what, follows):
     assert (found.dof, found.follows) == (0, follows) and found.share > 0.3
 
 
+def test_a_gain_that_swings_with_the_time_is_told_from_a_force():
+    def swings(model, data):
+        return 0.02 * np.sin(2 * np.pi * data.time / 1.1) * data.ctrl
+
+    found = left_of(record(ROD, ("angle",), [waves(400, [0.5], i) for i in range(5)], 3e-4, pull=swings, fine=20))
+    assert (found.dof, found.follows) == (0, "gain with time") and found.share > 0.3
+
+
+def test_a_gust_at_a_link_is_one_push_whatever_the_pose():
+    """Its torques at the joints are of either sign from run to run."""
+
+    def gust(model, data):
+        jacobian = np.zeros((3, model.nv))
+        mujoco.mj_jacBodyCom(model, data, jacobian, None, model.body("lower").id)
+        return 0.3 * np.exp(-(((data.time - 2.0) / 0.3) ** 2)) * np.array([0.8, 0.0, 0.6]) @ jacobian
+
+    commands = [waves(400, [2.0, 0.6], i) for i in range(6)]
+    found = left_of(record(ARM, ("q1", "q2"), commands, 5e-4, pull=gust, fine=20))
+    assert (found.dof, found.follows) == (1, "push with time") and found.share > 0.3
+
+
 @pytest.mark.parametrize("recording", [rod, arm])
 def test_where_nothing_is_missing_nothing_is_left(recording):
     assert left_of(recording()) == Leftover(None, None, 0.0, ())
@@ -63,14 +85,10 @@ def test_a_smooth_function_is_one_everywhere_where_its_weights_are():
     tried = {own.effect.name: own for own in smooth_functions(fit)}
     assert set(tried) == {
         "position", "speed", "time", "load", "friction with position", "friction with time", "friction with load",
+        "damping with position", "damping with time", "gain with position", "gain with time",
     }  # fmt: skip
-
-    class State:
-        def on_joint(self, dof, force):
-            return force
-
     own = tried["position"]
-    np.testing.assert_allclose(own.effect.law(State(), own.site, **dict.fromkeys(own.names, 2.0)), 2.0)
+    np.testing.assert_allclose(own.effect.law(None, own.site, **dict.fromkeys(own.names, 2.0)), 2.0)
 
 
 def test_what_an_impact_leaves_is_not_said_to_be_left():
@@ -80,11 +98,6 @@ def test_what_an_impact_leaves_is_not_said_to_be_left():
     fit = smooth(made.track, made.begun, made.noise)
     begins_or_ends = fit.levels.mode == CHANGE
     assert begins_or_ends.any() and not begins_or_ends.all()
-
-    class State:
-        def on_joint(self, dof, force):
-            return force
-
     for own in smooth_functions(fit):
-        told = own.effect.law(State(), own.site, **dict.fromkeys(own.names, 1.0))
+        told = own.effect.law(None, own.site, **dict.fromkeys(own.names, 1.0))
         assert not told[begins_or_ends].any() and told[~begins_or_ends].any(), own.name

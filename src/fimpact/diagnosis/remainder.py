@@ -12,14 +12,11 @@ from fimpact.smoothing.prepare import Prepared
 from fimpact.smoothing.smoother import Smoothed, smooth
 from fimpact.smoothing.states import States
 
-FOLLOWS = {
-    "time": "a force that follows the time in the run",
-    "contact": "a force that follows whether anything touches",
-    "friction with position": "friction that follows its position",
-    "friction with load": "friction that follows its load",
-    "friction with time": "friction that follows the time in the run",
-    "friction with contact": "friction that follows whether anything touches",
-}
+KINDS = {
+    "": "a force that follows", "friction": "friction that follows", "damping": "damping that follows",
+    "gain": "a motor's gain that follows", "push": "a push on what it carries that follows",
+}  # fmt: skip
+FOLLOWED = {"time": "the time in the run", "contact": "whether anything touches"}
 POINTS = 60  # of the picture
 
 
@@ -49,7 +46,8 @@ def remainder(prepared: Prepared, found: Explanation, proof: Proof | None, brief
     unnamed = not found.final.placed and (left.dof is not None or (_stands_out(proof) and share > LOUD))
     said = []
     if left.dof is not None:
-        what = FOLLOWS.get(left.follows or "", f"a force that follows its {left.follows}")
+        kind, _, what = (left.follows or "").rpartition(" with ")
+        what = f"{KINDS[kind]} {FOLLOWED.get(what, f'its {what}')}"
         place = rows[left.dof]["joint"]
         said.append(f"Left without a name at {place}: {what} ({left.share:.0%} of what was missing there).")
     if share > LOUD and (found.final.placed or unnamed):

@@ -5,14 +5,16 @@ friction is, is no physics; but it tells whether and where physics is left, and 
 Montel, Alvey, Weniger, arXiv 2412.15100).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
 
+from fimpact.deciding import NOTHING as NONE
 from fimpact.deciding import P_ALARM, REFINES, SHARE, UNLIKELY
 from fimpact.effects.base import Coefficient, Effect
+from fimpact.effects.law_inputs import State
 from fimpact.effects.touching import can_touch
 from fimpact.effects.wiring import ON_JOINT
 from fimpact.selection.one_round import Trial, search
@@ -26,7 +28,8 @@ from fimpact.smoothing.noise_levels import CHANGE
 from fimpact.smoothing.smoother import Smoothed
 
 FREE = mujoco.mjtJoint.mjJNT_FREE
-KNOTS = 8  # of a smooth function, from the least to the most of what it follows
+BESIDES = {"friction": ("speed",), "damping": ("speed", "load"), "gain": ("speed", "load")}  # forces of these already
+KNOTS = 12  # of a smooth function, from the least to the most of what it follows
 
 
 @dataclass(frozen=True)
@@ -69,20 +72,28 @@ def _shows(regression: Regression, trial: Trial) -> bool:
 
 
 def smooth_functions(fit: Smoothed) -> list[Candidate]:
-    """Hat functions of all that may be followed, alone and against the motion; nothing while a contact begins or ends,
-    where what is missing is what an impact within a sample leaves."""
+    """Hat functions of all that may be followed: forces, alone or against the motion as friction and damping are, or
+    with the motor's as a gain is, and pushes on bodies; nothing while a contact begins or ends, where what is missing
+    is what an impact within a sample leaves."""
     states, doubt = fit.states, speed_doubt(fit.track, fit.states, fit.doubt)
-    against = -expected_sign(middle(fit.track, states)[1], doubt)
-    found, calm = [], 1.0 * (fit.levels.mode != CHANGE)
-    for dof, what, values in _followed(fit):
-        found.append(_smooth(fit, dof, what, values, calm))
-        if what != "speed":
-            found.append(_smooth(fit, dof, f"friction with {what}", values, calm * against[:, dof]))
+    speed = middle(fit.track, states)[1]
+    against, calm = -expected_sign(speed, doubt), 1.0 * (fit.levels.mode != CHANGE)
+    found = []
+    for dof, followed in _followed(fit):
+        along, load = _unit(fit, dof), followed.get("load", np.zeros(fit.track.count))
+        kinds = {"": 1.0, "friction": against[:, dof], "damping": -speed[:, dof], "gain": load}
+        for kind, times in kinds.items():
+            for what, values in followed.items():
+                if what not in BESIDES.get(kind, ()):
+                    name = f"{kind} with {what}" if kind else what
+                    found.append(_smooth(fit, dof, name, values, [(calm * times)[:, None] * along]))
+    for dof, push in _pushes(fit):
+        found.append(_smooth(fit, dof, "push with time", fit.track.time, calm[:, None] * push))
     return [own for own in found if own]
 
 
-def _followed(fit: Smoothed) -> Iterator[tuple[int, str, np.ndarray]]:
-    """Degree of freedom, what may be followed there, and its values along the motion, (N,)."""
+def _followed(fit: Smoothed) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+    """Degree of freedom, and by name what may be followed there along the motion, (N,)."""
     track, model = fit.track, fit.track.model
     qpos, qvel = middle(track, fit.states)
     load = predicted_commands(track, track.ctrl, fit.tau).mean(1)
@@ -90,35 +101,55 @@ def _followed(fit: Smoothed) -> Iterator[tuple[int, str, np.ndarray]]:
     for dof in range(model.nv):
         joint = model.dof_jntid[dof]
         first, kind = dof - model.jnt_dofadr[joint], mujoco.mjtJoint(model.jnt_type[joint])
+        found = {"speed": qvel[:, dof], "time": track.time}
         if kind in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE) or (first < 3 and kind == FREE):
-            yield dof, "position", qpos[:, model.jnt_qposadr[joint] + first]
-        yield dof, "speed", qvel[:, dof]
-        yield dof, "time", track.time
+            found["position"] = qpos[:, model.jnt_qposadr[joint] + first]
         if dof in motors:
-            yield dof, "load", load[:, motors[dof]]
+            found["load"] = load[:, motors[dof]]
         if can_touch(model):
-            yield dof, "contact", fit.levels.mode
+            found["contact"] = fit.levels.mode
+        yield dof, found
+
+
+def _pushes(fit: Smoothed) -> Iterator[tuple[int, np.ndarray]]:
+    """Last degree of freedom of each body that joints carry, and the generalised force, (3, N, nv), of 1 N along each
+    axis of the world at its centre of mass."""
+    model = fit.track.model
+    qpos, qvel = middle(fit.track, fit.states)
+    seen = State(model, qpos, qvel, fit.track.ctrl[:, 0], fit.track.time, fit.track.period, {}, {})
+    for body in range(1, model.nbody):
+        if model.body_dofnum[body] and model.body_parentid[body]:
+            jacobian = seen.body(model.body(body).name)[2]
+            yield int(model.body_dofadr[body] + model.body_dofnum[body] - 1), jacobian.swapaxes(0, 1)
 
 
 def _on_joint(model: mujoco.MjModel, motor: int) -> bool:
     return model.actuator_trntype[motor] == ON_JOINT
 
 
-def _smooth(fit: Smoothed, dof: int, what: str, values: np.ndarray, times: np.ndarray) -> Candidate | None:
-    """Hat functions of what is followed, each as large as the force that is left; None where it does not change."""
+def _unit(fit: Smoothed, dof: int) -> np.ndarray:
+    return np.eye(fit.track.model.nv)[dof]
+
+
+def _smooth(fit: Smoothed, dof: int, what: str, values: np.ndarray, forces: Sequence[np.ndarray]) -> Candidate | None:
+    """Hat functions of what is followed times each of `forces`, (N, nv), each as large as the force that is left; None
+    where nothing of it changes anything."""
     if what.endswith("contact"):
         knots = np.unique(values)
     else:
         low, high = np.quantile(values, [0.01, 0.99])
         knots = np.linspace(low, high, KNOTS)
     size = float(np.sqrt(np.mean(fit.tau[:, dof] ** 2)))
-    if not (np.diff(knots) > 0).all() or len(knots) < 2 or not size > 0:
+    units = [float(np.sqrt(np.mean(force[:, dof] ** 2))) for force in forces]
+    acting = [force / unit for force, unit in zip(forces, units, strict=True) if unit > NONE * max(units)]
+    if not (np.diff(knots) > 0).all() or len(knots) < 2 or not size > 0 or not acting:
         return None
-    rows = np.array([np.interp(values, knots, one) for one in np.eye(len(knots))]).T * times[:, None]
-    names = tuple(f"w{i}" for i in range(len(knots)))
+    rows = np.array([np.interp(values, knots, one) for one in np.eye(len(knots))]).T
+    rows = np.concatenate([rows[:, :, None] * force[:, None] for force in acting], 1)  # (N, weights, nv)
+    names = tuple(f"w{i}" for i in range(rows.shape[1]))
 
     def law(state, site, **weights):
-        return state.on_joint(dof, rows @ np.array([weights[name] for name in names]))
+        return np.array([weights[name] for name in names]) @ rows
 
     none = dict.fromkeys(names, 0.0)
     effect = Effect(
