@@ -14,6 +14,7 @@ from fimpact.selection.pruning import pruned
 from fimpact.selection.refit_start import begun, held_by, with_held
 from fimpact.selection.regression import Regression
 from fimpact.selection.rivals import among_rivals, exchanged
+from fimpact.selection.scanned import scanned
 from fimpact.selection.search_scope import Limits
 from fimpact.selection.servo_drives import refitted_whole
 from fimpact.selection.substitutes import Alternative, Exchange
@@ -44,7 +45,8 @@ class Search:
                 "Measure the joints that close a loop, or give the model a start that keeps its constraints."
             )
         self.scales = motion_scales(self.naive)
-        self.candidates = candidates(effects, track, self.scales)
+        self.listed = candidates(effects, track, self.scales)
+        self.candidates = [*self.listed, *scanned(self.naive, self.listed)]
         self.missing = self.naive.tau**2  # (N, nv)
         self.rounds: list[Round] = []
         self.alternatives: list[Alternative] = []
@@ -155,9 +157,14 @@ class Search:
         """See that the time step is fine enough: the less is missing, the more of its error shows."""
         if self.current is self._settled:
             return
+        own = self.current
+        if own.levels.rests.any():  # what rests was told at speeds as they were known before
+            again = smooth(self.track, self.begun, self.noise, own.placed, own.priors, own, progress=self.progress)
+            self.current = again if again.converged else own
         fit = settled(self.current, self.begun, self.noise, self.progress)
         if fit is not self.current and fit.converged:
             self.current, self.track, self._simulated = fit, fit.track, Simulated()
+        self.candidates = [*self.listed, *scanned(self.current, self.listed)]
         self._settled = self.current
 
     def _asked_anew(self) -> tuple[Regression, Round]:

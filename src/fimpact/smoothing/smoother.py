@@ -17,18 +17,17 @@ from fimpact.effects.base import Placed
 from fimpact.smoothing.dynamics.linear import Linear, linearise
 from fimpact.smoothing.dynamics.response import heavier
 from fimpact.smoothing.dynamics.track import Track
-from fimpact.smoothing.filter.by_run import Filtered, variances
-from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, in_modes, moved_by, nearer, resting
+from fimpact.smoothing.filter.by_run import Filtered
+from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, in_modes, moved_by, resting
 from fimpact.smoothing.parameters import Parameter, parameters, placed_of, theta_of
 from fimpact.smoothing.states import States
-from fimpact.smoothing.step import solve
+from fimpact.smoothing.step import adapted, solve
 from fimpact.smoothing.stretches import stretches
 
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
 FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much as a reading's noise
 SHRINKS = 0.7  # of the last step: a next one that is longer does not converge by itself
 ROUNDS_ABOVE_BAR = 2  # rounds in a row that fit worse than a fit has to, and fall too slowly to get there
-INNER = 4  # updates of the noise levels between two linearisations
 
 
 @dataclass(frozen=True)
@@ -127,16 +126,7 @@ def smooth(
         loud = anneal[k] if k < len(anneal) else 1.0
         begun_levels = levels = replace(levels, louder=np.where(track.late, loud, 1.0))
         stretch = stretches(track, tau) if stretch is None else stretch
-        for _ in range(INNER):
-            last = levels
-            found = solve(track, linear, levels, tau, numbers, stretch)
-            if not np.isfinite(found.chi2):
-                break
-            expected = variances(track, linear, found.filter)[:2]
-            asked = found.adjoint[:, track.space.size :]
-            levels = nearer(levels, begun_levels, asked, found.errors, expected, noise, pace, track)
-            if moved_by(levels, last) < STILL / 2:
-                break
+        levels = adapted(track, linear, levels, tau, numbers, stretch, noise, pace)
         found = solve(track, linear, levels, tau, numbers, stretch, dispersion)
         if not np.isfinite(found.chi2):
             break
@@ -175,11 +165,14 @@ def smooth(
             grown = heavier(track.model_of(placed_of(numbers, placed), theta_of(numbers)), linear.plant.model)
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
         levels = in_modes(track, states, levels)
-        if k == 0:  # once: a speed about the bound of its doubt would go to and fro, and levels with it
-            levels = resting(track, states, doubt, linear.plant.rubbing, levels)
+        # Anew once, then only more: a speed about the bound of its doubt would go to and fro, and levels with it.
+        held, rested = resting(track, states, doubt, linear.plant.rubbing, levels).rests, levels.rests
+        levels = replace(levels, rests=held if k == 0 else held | rested)
+        converged &= k > 0 or np.array_equal(held, rested)  # else levels are those of other samples
         if converged:
             break
         slow = k > len(anneal) and now - bar > (rounds + len(anneal) - 1 - k) * max(before - now, 0.0)
+        slow &= sign is None  # at held signs it looks worse than it is
         before, above_bar = now, above_bar + 1 if slow else 0
         if above_bar == ROUNDS_ABOVE_BAR:
             break
@@ -198,8 +191,12 @@ def smooth(
         states, tau, doubt, levels, numbers = best
         fixed, linear, sign = numbers or fixed, None, None
     if not (converged and track.long):
-        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, False, surprise, now=levels)
-    assert linear is not None and levels is not None
+        # Fits are compared with friction that stops what it holds: at held signs it is a force like any other.
+        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, None, False, surprise, now=levels)
+    assert linear is not None and levels is not None and stretch is not None
+    if levels.rests.any() and not diverged:  # what has just come to rest, or left it, needs other levels
+        for _ in range(2):
+            levels = adapted(track, linear, levels, tau, numbers, stretch, noise, Pace())
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
     if diverged and np.isfinite(found.chi2):
         change = found.moves(linear, levels, track)

@@ -11,15 +11,16 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import lsq_linear
 
-from fimpact.deciding import CONFIDENCE, TRUST
+from fimpact.deciding import CONFIDENCE, STILL, TRUST
 from fimpact.smoothing.dynamics.linear import Linear
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.filter.by_run import Filtered, filtered, swept, variances
-from fimpact.smoothing.noise_levels import Levels
+from fimpact.smoothing.noise_levels import Levels, Pace, moved_by, nearer
 from fimpact.smoothing.parameters import Parameter
 from fimpact.smoothing.stretches import spread_of_scores
 
 NORMAL = float(stats.norm.ppf((1 + CONFIDENCE) / 2))  # sd, within which so many of normal variables are
+INNER = 4  # updates of the noise levels between two linearisations
 SMALL = 0.1  # of itself, that a number moves by: as much as one sd
 
 
@@ -113,6 +114,31 @@ def solve(
         own, step, change, adjoint[:, :, 0], errors[:, :, 0], surprise, information, dispersion, float(chi2),
         float(fit), float(cost),
     )  # fmt: skip
+
+
+def adapted(
+    track: Track,
+    linear: Linear,
+    levels: Levels,
+    tau: np.ndarray,
+    numbers: Sequence[Parameter],
+    stretch: np.ndarray,
+    noise: np.ndarray,
+    pace: Pace,
+) -> Levels:
+    """Levels nearer to the greatest marginal likelihood at one linearisation, as `solve` and `nearer` have it."""
+    begun = levels
+    for _ in range(INNER):
+        last = levels
+        found = solve(track, linear, levels, tau, numbers, stretch)
+        if not np.isfinite(found.chi2):
+            break
+        expected = variances(track, linear, found.filter)[:2]
+        asked = found.adjoint[:, track.space.size :]
+        levels = nearer(levels, begun, asked, found.errors, expected, noise, pace, track)
+        if moved_by(levels, last) < STILL / 2:
+            break
+    return levels
 
 
 def _volume(information: np.ndarray) -> float:
