@@ -93,6 +93,8 @@ class Effect:
     refines: names of effects of which this is a small refinement.
     least: of (scales, model, site) -> sizes of amplitudes that every rig has and no expert would call missing: what is
         no larger is told as small.
+    scan: of (finest, farthest) -> values of its one coefficient that differ, between what can be told and what is
+        commanded at most: for a law of commands that has no slope there.
     side_by_side: a law that remembers may be asked for several hypotheses at once: its values are (n,) each, and so is
         all that the `Shaft` of a gear holds, whatever its site; of each value, all are neutral or none is.
     """
@@ -118,6 +120,7 @@ class Effect:
     order: int = ENVIRONMENT
     refines: tuple[str, ...] = ()
     least: Callable[[Scales, mujoco.MjModel, str], Values] = lambda *_: {}
+    scan: Callable[[float, float], np.ndarray] | None = None
     side_by_side: bool = False
 
     def __post_init__(self):

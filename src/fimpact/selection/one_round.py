@@ -7,6 +7,7 @@ the earlier in the engineer's order; all that data cannot tell from it is its se
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
 
 import numpy as np
 from scipy import stats
@@ -133,7 +134,8 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     if not added:
         return None
     gain, dispersion = regression.gain(now, found)
-    p = min(1.0, chance(gain, dispersion, added) * count)  # Bonferroni
+    looked_at = prod(float(regression.columns.candidates[i].among) for i in option.members)
+    p = min(1.0, chance(gain, dispersion, added) * count * looked_at)  # Bonferroni
     places = places_of(regression, found)
     if p >= P_ALARM and not option.compound:
         return Trial(option, found, p, 0.0, 0.0, 0.0, 0.0, (0, 0), errors, places)

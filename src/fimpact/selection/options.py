@@ -24,7 +24,8 @@ def options(model: mujoco.MjModel, channels: Sequence[str], candidates: Sequence
     """Every class of places with each choice of shapes, the compound first; then every place alone."""
     by_place: dict[tuple[str, str], list[int]] = {}
     for i, candidate in enumerate(candidates):
-        by_place.setdefault((candidate.effect.name, candidate.site), []).append(i)
+        if candidate.among == 1:  # what fits best of many fits nothing by being many
+            by_place.setdefault((candidate.effect.name, candidate.site), []).append(i)
     found, listed = [], set()
     for kind in classes(model, channels):
         own = [by_place[place] for place in kind.effects if place in by_place]

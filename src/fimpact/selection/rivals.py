@@ -3,6 +3,7 @@
 Each takes the state of a search (`forward.Search`) and changes it.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations
 
@@ -23,7 +24,9 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
     """
     tried, spread = regression.columns.candidates, regression.dispersion
     beside = [option for option in offered if not search.is_second_gear(tried, option)]
-    alone = [i for i, law in enumerate(search.current.placed) if law.name not in search.parts]
+    parts = Counter(law.site for law in search.current.placed if law.name in search.parts)
+    # Of a drive of which one part is left at a joint, that part is an effect as any other.
+    alone = [i for i, p in enumerate(search.current.placed) if p.name not in search.parts or parts[p.site] == 1]
     one = alone if search.coupled else range(len(search.current.placed))
     leaving = [*((i,) for i in one), *combinations(alone, 2)]
     others = exchanges(regression, offered, beside, leaving)

@@ -17,7 +17,7 @@ from fimpact.smoothing.states import States
 class Candidate:
     """An effect at a site with one choice of its shapes. names: its amplitudes; sd, positive: of each, prior standard
     deviation and whether physics forbids less than nothing. sizes, ranges, least: of its values (`Placed`).
-    priors: sd of its amplitudes in their own units."""
+    priors: sd of its amplitudes in their own units. among: how many values it is the best of."""
 
     effect: Effect
     site: str
@@ -29,6 +29,7 @@ class Candidate:
     ranges: dict[str, tuple[float, float]]
     priors: dict[str, float]
     least: dict[str, float] = field(default_factory=dict)
+    among: int = 1
 
     @property
     def name(self) -> str:

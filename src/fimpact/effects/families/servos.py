@@ -55,6 +55,12 @@ def target_resolution(ctrl, signal: Signal, site, step):
     return out
 
 
+def _steps(finest, farthest):
+    """Steps between which no target up to the farthest changes its place in a step by more than a quarter."""
+    count = int(4 * (farthest / finest - 1))
+    return farthest / (1 + np.arange(count + 1) / 4)
+
+
 def supply_sag(state: State, site, droop):
     """Every motor loses the same share of its torque, up to all of it: the more, the more all of them give."""
     joints = driven_joints(state)
@@ -167,6 +173,7 @@ EFFECTS = (
         law=target_resolution,
         neutral={"step": 0.0},
         linear=False,
+        scan=_steps,
         prior=priors.of_targets(step=0.3),
         prior_source="data sheets: 4096 steps per turn, 1024 in 300 degrees, or whole degrees",
         order=MOTOR,
