@@ -3,12 +3,14 @@
 import copy
 from dataclasses import replace
 from functools import cache
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from recorded import ROD, arm, record, rod, rub, waves
 
 from fimpact.deciding import NOTHING, SHARE
+from fimpact.diagnosis import pipeline
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
@@ -238,3 +240,40 @@ def test_a_torque_limit_is_found_where_it_is():
 
 def test_placed_effects_are_named_by_place():
     assert Placed(EFFECTS["coulomb"], "elbow", {"friction": 1.0}).name == "coulomb@elbow"
+
+
+@pytest.fixture
+def restless(monkeypatch):
+    """No fit with dry friction comes to rest."""
+    refitted = Search.refitted
+
+    def never(self, regression, trial, out=()):
+        fit = refitted(self, regression, trial, out)
+        return replace(fit, converged=False) if any("coulomb" in place for place in trial.places) else fit
+
+    monkeypatch.setattr(Search, "refitted", never)
+
+
+def test_what_no_fit_settles_with_is_not_nothing(restless):
+    found = explained(rod, 0.15, suspects=("coulomb",))
+    assert not found.final.placed and [t.option.name for t in found.unfitted] == ["coulomb@pivot"]
+    with patch.object(pipeline, "explain", lambda *given: found):
+        told = pipeline.diagnose(rod(0.15), brief=True)
+    assert told.answer == pipeline.UNNAMED
+    assert "coulomb at pivot" in told.verdict and "no fit with it settles" in told.verdict
+
+
+def test_what_no_fit_settles_with_is_a_rival_of_what_takes_its_place(restless):
+    found = explained(rod, 0.15, suspects=("coulomb", "viscous"))
+    assert names(found) == {"viscous@pivot"} and not found.unfitted
+    assert [(tuple(law.name for law in own.placed), own.weight) for own in found.alternatives] == [
+        (("coulomb@pivot",), 1.0)
+    ]
+
+
+def test_a_fit_that_comes_to_nothing_keeps_no_question_from_being_asked(restless):
+    made = prepare(rod(0.15))
+    state = Search(made.track, made.begun, made.noise, [EFFECTS["coulomb"]], lambda line: None)
+    before = state.spent
+    state.round()
+    assert state.unfitted and state.spent == before

@@ -6,6 +6,7 @@ import numpy as np
 
 from fimpact.deciding import LOUD
 from fimpact.diagnosis.held_out import Proof
+from fimpact.effects.base import words
 from fimpact.selection.explanation import Explanation
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.prepare import Prepared
@@ -44,7 +45,13 @@ def remainder(prepared: Prepared, found: Explanation, proof: Proof | None, brief
     worst = max(rows, key=lambda row: row["left"] / max(row["applied"], 1e-12))
     share, left = worst["left"] / max(worst["applied"], 1e-12), found.left
     unnamed = not found.final.placed and (left.dof is not None or (_stands_out(proof) and share > LOUD))
-    said = []
+    said, unnamed = [], unnamed or bool(found.unfitted)
+    if found.unfitted:
+        best = max(found.unfitted, key=lambda trial: trial.gain)
+        said.append(
+            f"Nearest to it is {words(best.option.name)} ({best.share:.0%} of what was missing at "
+            f"{rows[best.place[1]]['joint']}), but no fit with it settles."
+        )
     if left.dof is not None:
         kind, _, what = (left.follows or "").rpartition(" with ")
         what = f"{KINDS[kind]} {FOLLOWED.get(what, f'its {what}')}"

@@ -8,9 +8,10 @@ import numpy as np
 from fimpact.deciding import SHARE
 from fimpact.effects.base import Effect, Scales
 from fimpact.selection.forward import Search
-from fimpact.selection.one_round import Round
+from fimpact.selection.one_round import Round, Trial
 from fimpact.selection.pruning import simplified, without_doubtful_parts
 from fimpact.selection.regression import Regression
+from fimpact.selection.rivals import unsettled
 from fimpact.selection.search_scope import Limits
 from fimpact.selection.servo_drives import align, drive
 from fimpact.selection.substitutes import Alternative
@@ -25,7 +26,7 @@ from fimpact.smoothing.states import States
 class Explanation:
     """What was found: the naive fit, the final one, which of its effects are small refinements, rounds, alternatives,
     the chance of the strongest hint where nothing was, and what is left without a name. asked: makes the columns of all
-    that was asked beside the final fit."""
+    that was asked beside the final fit. unfitted: where nothing is named, what qualified and no fit settled with."""
 
     naive: Smoothed
     final: Smoothed
@@ -37,6 +38,7 @@ class Explanation:
     left: Leftover
     unasked: tuple[str, ...] = ()
     asked: Callable[[], Regression] | None = None
+    unfitted: tuple[Trial, ...] = ()
 
 
 def explain(
@@ -64,7 +66,9 @@ def explain(
         if state.current is before:
             break
     final = state.current = simplified(state)
+    others = [*state.alternatives, *unsettled(state)]
     return Explanation(
-        state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(state.alternatives), state.hint,
+        state.naive, final, frozenset(state.slight), tuple(state.rounds), tuple(others), state.hint,
         state.scales, leftover(final, state.whole(final, SHARE)), limits.unasked(state.stopped), state.beside,
+        () if final.placed else tuple(trial for trial, _ in state.unfitted),
     )  # fmt: skip

@@ -50,12 +50,12 @@ class Search:
         self.missing = self.naive.tau**2  # (N, nv)
         self.rounds: list[Round] = []
         self.alternatives: list[Alternative] = []
-        self.dropped: set[str] = set()
-        self.failed: set[str] = set()
+        self.dropped, self.failed = set[str](), set[str]()
         self.parts: set[str] = set()  # of whole drives
         self.slight: set[str] = set()  # small refinements
         self.weak: set[str] = set()  # worth nothing beside what is in
         self.misses, self.tries = 0, 0
+        self.unfitted: list[tuple[Trial, tuple[Placed, ...]]] = []  # qualified, and no fit with it has settled
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self.first: tuple[Regression, Round] | None = None
         self.asked: Regression | None = None
@@ -83,7 +83,6 @@ class Search:
         return [c for c in self.candidates if c.name in self.weak & self.parts]
 
     def _refines(self, candidate: Candidate) -> bool:
-        """Whether it is a refinement of what is in."""
         families = {p.effect.name for p in self.current.placed}
         return bool(set(candidate.effect.refines) & families) and self._has_its_family(candidate)
 
@@ -132,7 +131,6 @@ class Search:
         return [option for option in found if option.name not in self.failed]
 
     def _without_second_gears(self, tried: Sequence[Candidate]) -> list[Option]:
-        """Options of these, but for a second gear at a joint."""
         return [option for option in self.offered(tried) if not self.is_second_gear(tried, option)]
 
     def round(self) -> bool:
@@ -206,6 +204,9 @@ class Search:
         spread = regression.dispersion
         if not best.converged or best.loss(spread) > self.current.loss(spread):
             self.alternatives, self.misses, self.weak = others, self.misses + 1, weak
+            if not best.converged:  # what comes to nothing keeps no other question from being asked
+                self.track.steps = steps
+                self.unfitted.append((chosen, begun(regression, chosen)[0]))
             return self.misses < RIVALS
         self.current, self.misses = best, 0
         self.rounds.append(found)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fimpact.deciding import RIVALS, TIED, UNLIKELY
 from fimpact.selection.one_round import Round
-from fimpact.selection.options import Option
+from fimpact.selection.options import Option, joint_at
 from fimpact.selection.regression import Regression
 from fimpact.selection.substitutes import Alternative, exchanges
 from fimpact.smoothing.smoother import Smoothed
@@ -58,6 +58,21 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
             search.alternatives.append(own)
             known.add(names)
     return False
+
+
+def unsettled(search) -> list[Alternative]:
+    """What qualified most clearly of what no fit has settled with, in the place of what is named at its joint: nobody
+    knows how likely it is."""
+    alone = [own for own in search.unfitted if len(own[1]) == 1]
+    if not alone or not search.current.placed:
+        return []
+    (law,) = max(alone, key=lambda own: own[0].gain)[1]
+    model, placed = search.track.model, search.current.placed
+    if law.name in {own.name for own in placed}:
+        return []
+    joint = joint_at(model, law.site)
+    others = tuple(own for own in placed if not joint or joint_at(model, own.site) != joint)
+    return [Alternative((*others, law), search.current.theta, 1.0)]
 
 
 def among_rivals(search, regression: Regression, found: Round, best: Smoothed) -> Smoothed:
