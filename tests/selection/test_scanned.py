@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
+import mujoco
 import numpy as np
 import pytest
 from recorded import record, waves
@@ -12,7 +13,7 @@ from fimpact.recordings import Recording
 from fimpact.selection.forward import Search
 from fimpact.selection.options import options
 from fimpact.selection.scanned import scanned
-from fimpact.smoothing.candidates import candidates
+from fimpact.smoothing.candidates import Candidate, candidates
 from fimpact.smoothing.columns import motion_scales
 from fimpact.smoothing.prepare import prepare
 
@@ -68,7 +69,15 @@ def test_what_readings_cannot_show_is_not_scanned():
 
 
 def test_the_best_of_many_is_no_member_of_a_class():
-    search = search_of(rounded(0.0037))
-    found = options(search.track.model, search.track.recording.channels, search.candidates)
-    many = [i for i, c in enumerate(search.candidates) if c.among > 1]
-    assert [option.members for option in found if set(option.members) & set(many)] == [tuple(many)]
+    """What fits best of many at each of two servos fits nothing by being two."""
+    second = '<body name="next"><joint name="turn" axis="0 1 0"/><geom size="0.02" mass="0.1"/></body></worldbody>'
+    servo = '<position name="other" joint="turn" kp="100" kv="1"/></actuator>'
+    model = mujoco.MjModel.from_xml_string(XML.replace("</worldbody>", second, 1).replace("</actuator>", servo, 1))
+    effect = EFFECTS["target_resolution"]
+    listed = [
+        Candidate(effect, site, {"step": 0.01}, ("step",), (1.0,), (True,), {}, {}, {}) for site in ("servo", "other")
+    ]
+    many = [replace(own, among=1000) for own in listed]
+    found = [option.members for option in options(model, ["angle"], [*listed, *many])]
+    assert (0, 1) in found
+    assert [members for members in found if {2, 3} & set(members)] == [(2,), (3,)]
