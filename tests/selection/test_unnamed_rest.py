@@ -91,6 +91,13 @@ def test_a_smooth_function_is_one_everywhere_where_its_weights_are():
     np.testing.assert_allclose(own.effect.law(None, own.site, **dict.fromkeys(own.names, 2.0)), 2.0)
 
 
+def test_a_body_without_a_name_may_be_pushed():
+    xml = ARM.replace(' name="upper"', "").replace(' name="lower"', "")
+    made = prepare(record(xml, ("q1", "q2"), [waves(60, [1.0, 0.3], 0)], 1e-3, fine=5))
+    fit = smooth(made.track, made.begun, made.noise)
+    assert [own.site for own in smooth_functions(fit) if own.effect.name == "push with time"] == ["1"]
+
+
 def test_what_an_impact_leaves_is_not_said_to_be_left():
     starts = [([0, 0, 0.2, 1, 0, 0, 0], [0.3, 0, 0, 0, 0, 0])]
     seen = tuple(f"place[{i}]" for i in range(3))

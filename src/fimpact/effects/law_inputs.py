@@ -46,8 +46,9 @@ class State:
         last, self.memory[key] = self.memory.get(key, speed), speed
         return (speed - last) / self.step
 
-    def body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position (n, 3), velocity (n, 3) of the centre of mass of body `site`, and its Jacobian (n, 3, nv)."""
+    def body(self, site: str | int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position (n, 3), velocity (n, 3) of the centre of mass of body `site`, a name or number, and its Jacobian
+        (n, 3, nv)."""
         if self.bodies is None:
             return self._body(site)
         if site not in self.bodies:
@@ -61,7 +62,7 @@ class State:
             self.memory[KINEMATICS] = mujoco.MjData(self.model)
         return self.memory[KINEMATICS]
 
-    def _body(self, site: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _body(self, site: str | int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         model, data, body = self.model, self.kinematics, self.model.body(site).id
         position, jacobian = np.empty((len(self.qpos), 3)), np.zeros((len(self.qpos), 3, model.nv))
         place, centre = data.qpos, data.xipos[body]  # asking for them takes as long as what is done with them

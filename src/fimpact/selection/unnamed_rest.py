@@ -119,7 +119,7 @@ def _pushes(fit: Smoothed) -> Iterator[tuple[int, np.ndarray]]:
     seen = State(model, qpos, qvel, fit.track.ctrl[:, 0], fit.track.time, fit.track.period, {}, {})
     for body in range(1, model.nbody):
         if model.body_dofnum[body] and model.body_parentid[body]:
-            jacobian = seen.body(model.body(body).name)[2]
+            jacobian = seen.body(body)[2]
             yield int(model.body_dofadr[body] + model.body_dofnum[body] - 1), jacobian.swapaxes(0, 1)
 
 
