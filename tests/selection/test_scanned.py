@@ -68,6 +68,13 @@ def test_what_readings_cannot_show_is_not_scanned():
     assert scanned(naive, listed) and not scanned(loud, listed)
 
 
+def test_quiet_readings_do_not_make_a_scan_endless():
+    naive = prepare(rounded(0.0)).naive
+    listed = candidates([EFFECTS["target_resolution"]], naive.track, motion_scales(naive))
+    quiet = replace(naive, levels=replace(naive.levels, reading=np.array([1e-9])))
+    assert scanned(quiet, listed)[0].among < 10_000
+
+
 def test_the_best_of_many_is_no_member_of_a_class():
     """What fits best of many at each of two servos fits nothing by being two."""
     second = '<body name="next"><joint name="turn" axis="0 1 0"/><geom size="0.02" mass="0.1"/></body></worldbody>'

@@ -45,8 +45,9 @@ def remainder(prepared: Prepared, found: Explanation, proof: Proof | None, brief
     worst = max(rows, key=lambda row: row["left"] / max(row["applied"], 1e-12))
     share, left = worst["left"] / max(worst["applied"], 1e-12), found.left
     unnamed = not found.final.placed and (left.dof is not None or (_stands_out(proof) and share > LOUD))
-    said, unnamed = [], unnamed or bool(found.unfitted)
+    said = []
     if found.unfitted:
+        unnamed = True
         best = max(found.unfitted, key=lambda trial: trial.gain)
         said.append(
             f"Nearest to it is {words(best.option.name)} ({best.share:.0%} of what was missing at "

@@ -16,6 +16,7 @@ from fimpact.smoothing.filter.by_run import variances
 from fimpact.smoothing.smoother import Smoothed
 
 POINTS = 2000  # samples that a scan looks at
+FINEST = 1 / 2500  # of what is commanded at most: finer values are not scanned, however quiet the readings
 AT_ONCE = 200  # values whose laws are held in memory together
 
 
@@ -40,7 +41,8 @@ def _best(fit: Smoothed, candidate: Candidate, rows, pull, known) -> Candidate |
     given = fit.linear.plant.ctrl.mean[rows, motor][None, :, None]
     read = np.isin(fit.track.simulator.columns, encoders(model, model.joint(joint).name)[0])
     farthest = float(np.abs(given).max())
-    finest = 2 * float(fit.levels.reading[read].min(initial=np.inf))  # half a step is what is read wrongly
+    # Half a step is what is read wrongly.
+    finest = max(2 * float(fit.levels.reading[read].min(initial=np.inf)), FINEST * farthest)
     if not finest < farthest:
         return None
     dof = model.jnt_dofadr[joint]
