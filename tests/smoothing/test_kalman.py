@@ -18,11 +18,9 @@ def random_problem(seed: int) -> SimpleNamespace:
     advance = np.concatenate([np.tile(0.97 * turn, (COUNT, 1, 1)), 0.3 * rng.standard_normal((COUNT, N, NV))], 2)
     measured = np.where(rng.random((COUNT, NY)) < 0.25, np.nan, rng.standard_normal((COUNT, NY)))
     rows = [slice(i * SAMPLES, (i + 1) * SAMPLES) for i in range(RUNS)]
-    lengths, space = np.full(RUNS, SAMPLES), SimpleNamespace(size=N)
+    lengths = np.full(RUNS, SAMPLES)
     bounds = np.arange(RUNS + 1) * SAMPLES
-    track = SimpleNamespace(
-        measured=measured, lengths=lengths, bounds=bounds, slices=lambda: rows, space=space, count=COUNT
-    )
+    track = SimpleNamespace(measured=measured, lengths=lengths, bounds=bounds, slices=lambda: rows, count=COUNT)
     columns = 0.2 * rng.standard_normal((COUNT, NY, COLUMNS))
     columns[:, :, 0] = np.nan_to_num(measured)
     first, spread = 0.3 * rng.standard_normal((RUNS, N)), rng.uniform(0.5, 2, (RUNS, N))

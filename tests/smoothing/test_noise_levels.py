@@ -54,7 +54,7 @@ def moved(found: Smoothed, levels: Levels, noise: np.ndarray, begun: Levels | No
     for _ in range(steps):
         own = solve(track, linear, levels, found.tau, found.numbers, stretch)
         expected = variances(track, linear, own.filter)[:2]
-        asked = own.adjoint[:, track.space.size :]
+        asked = own.adjoint[:, found.states.size :]
         levels = nearer(levels, begun, asked, own.errors, expected, noise, pace, track)
     return levels
 

@@ -89,7 +89,7 @@ def test_derivatives_are_simulated_at_the_step_that_the_model_has(refine):
         response = Response(own, made.begun, still)
         assert len(response.plant.models) == 1
         response.slopes()
-        simulated = track.space.size + track.model.nv + 1  # and where all of them begin
+        simulated = made.begun.size + track.model.nv + 1  # and where all of them begin
         assert track.steps - before == simulated * track.count * round(track.period / step)
 
 

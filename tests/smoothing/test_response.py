@@ -3,6 +3,7 @@
 import copy
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import mujoco
@@ -30,7 +31,7 @@ def test_a_push_that_must_be_simulated_moves_a_joint_as_the_missing_force_does()
     plant = plant_of(made.track, (placed,), found.theta, found.states, found.tau, found.doubt)
     change = own(plant)
     assert own.simulated and not change.force.any()
-    n = made.track.space.size
+    n = found.states.size
     np.testing.assert_allclose(change.after, push * found.linear.slopes.advance[:, :, n], rtol=1e-3, atol=1e-9)
 
 
@@ -81,7 +82,7 @@ def law(effect: str, site: str, **values) -> dict:
 def test_a_force_held_over_a_short_sample_is_the_simulated_change(kinds):
     held, simulated = changed(**kinds)
     track, slopes = response().track, slopes_of_response()
-    n, rows = track.space.size, ~track.last
+    n, rows = response().states.size, ~track.last
     assert held.force.any() and not held.after.any()
     assert simulated.after.any() and not simulated.force.any()
     after = np.einsum("kij,kj->ki", slopes.advance[:, :, n:], held.force)
@@ -98,7 +99,7 @@ def slopes_of_response() -> Slopes:
 def test_derivatives_by_state_and_force_are_those_of_the_simulation():
     own, slopes = response(), slopes_of_response()
     track, step = own.track, 1e-3
-    n, nv = track.space.size, track.model.nv
+    n, nv = own.states.size, track.model.nv
     rng = np.random.default_rng(0)
     shift, push = step * rng.standard_normal((track.count, n)), 0.01 * rng.standard_normal((track.count, nv))
     found = own.plant.step(track.space.plus(own.states, shift), own.tau + push)
@@ -137,7 +138,7 @@ def test_derivatives_are_renewed_where_the_model_has_changed_by_a_fifth(edit, fa
     model = mujoco.MjModel.from_xml_string(ROD)
     other, none = copy.copy(model), np.zeros((1, 1, 1))
     edit(other, factor)
-    assert Slopes(none, none, model).hold(other) == hold
+    assert Slopes(none, none, rigid(model)).hold(rigid(other)) == hold
 
 
 def test_derivatives_are_renewed_where_there_was_nothing_or_gravity_is_another():
@@ -145,5 +146,21 @@ def test_derivatives_are_renewed_where_there_was_nothing_or_gravity_is_another()
     sprung, leaning, none = copy.copy(model), copy.copy(model), np.zeros((1, 1, 1))
     sprung.jnt_stiffness[0] = 1e-9
     leaning.opt.gravity[0] = 1e-9
-    assert not Slopes(none, none, model).hold(sprung)
-    assert not Slopes(none, none, model).hold(leaning)
+    assert not Slopes(none, none, rigid(model)).hold(rigid(sprung))
+    assert not Slopes(none, none, rigid(model)).hold(rigid(leaning))
+
+
+@pytest.mark.parametrize(("site", "factor", "hold"), [("j", 1.15, True), ("j", 1.3, False), ("k", 1.0, False)])
+def test_derivatives_are_renewed_where_a_gear_gives_otherwise(site, factor, hold):
+    model, none = mujoco.MjModel.from_xml_string(ROD), np.zeros((1, 1, 1))
+    one, other = (
+        SimpleNamespace(model=model, rotors=(Placed(EFFECTS["backlash"], at, {"gap": gap}),))
+        for at, gap in (("j", 0.01), (site, 0.01 * factor))
+    )
+    assert Slopes(none, none, one).hold(other) == hold
+    assert not Slopes(none, none, rigid(model)).hold(one)
+
+
+def rigid(model: mujoco.MjModel) -> SimpleNamespace:
+    """A plant without gears that give."""
+    return SimpleNamespace(model=model, rotors=())

@@ -47,7 +47,7 @@ def starts_of(recording: Recording, runs: Sequence[Run], noise: np.ndarray, simu
     out = []
     for rows in track.slices():
         doubt = np.maximum(found.doubt[rows], sd[nv : 2 * nv])
-        wide = np.concatenate([np.tile(sd[:nv], (len(doubt), 1)), 3 * doubt, np.ones((len(doubt), track.space.na))], 1)
+        wide = np.concatenate([np.tile(sd[:nv], (len(doubt), 1)), 3 * doubt, np.ones((len(doubt), track.model.na))], 1)
         states = found.states[rows]
         out.append(Starts(states.qpos, states.qvel, states.act, wide))
     return out

@@ -14,6 +14,7 @@ from fimpact.selection.regression import Regression
 from fimpact.selection.rivals import unsettled
 from fimpact.selection.search_scope import Limits
 from fimpact.selection.servo_drives import align, drive
+from fimpact.selection.soft_gears import softened
 from fimpact.selection.substitutes import Alternative
 from fimpact.selection.unnamed_rest import Leftover, leftover
 from fimpact.smoothing.dynamics.track import Track
@@ -60,8 +61,11 @@ def explain(
     if state.asks():
         drive(state)
     for _ in range(2):  # what a part in doubt stood in the way of is asked once it has gone
-        while state.asks() and state.round():
-            pass
+        going = True
+        while going:
+            while state.asks() and state.round():
+                pass
+            going = not state.stopped and softened(state)
         before, state.current = state.current, without_doubtful_parts(state)
         if state.current is before:
             break

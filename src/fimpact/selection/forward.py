@@ -54,7 +54,8 @@ class Search:
         self.parts: set[str] = set()  # of whole drives
         self.slight: set[str] = set()  # small refinements
         self.weak: set[str] = set()  # worth nothing beside what is in
-        self.misses, self.tries = 0, 0
+        self.misses = self.tries = 0
+        self.softened: set[tuple[str, frozenset[str]]] = set()  # joints whose gears were refitted, beside which names
         self.unfitted: list[tuple[Trial, tuple[Placed, ...]]] = []  # qualified, and no fit with it has settled
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self.first: tuple[Regression, Round] | None = None

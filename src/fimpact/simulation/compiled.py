@@ -1,10 +1,11 @@
 """Compiled models as they are simulated here: without what is only seen, and with a solver that converges."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 
 import mujoco
+import numpy as np
 
 from fimpact.effects.native import editable
 from fimpact.effects.touching import can_touch
@@ -17,9 +18,34 @@ NO_CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
 @lru_cache(maxsize=2)  # a large model takes longer to compile than to copy
-def compiled_model(xml: str, apart: bool) -> mujoco.MjModel:
-    """The model of an MJCF that can be edited, without what is only seen; apart: nothing touches anything."""
-    return editable(without_visuals(spec_of(xml), apart))
+def compiled_model(xml: str, apart: bool, sites: tuple[str, ...] = ()) -> mujoco.MjModel:
+    """The model of an MJCF that can be edited, without what is only seen.
+
+    Args:
+        apart: nothing touches anything. sites: joints behind which there is a second one.
+    """
+    return editable(with_joints_behind(without_visuals(spec_of(xml), apart), sites))
+
+
+def behind_name(site: str) -> str:
+    """Name of the joint behind the rotor of joint `site`, and of the tendon that holds the link."""
+    return f"behind {site}"
+
+
+def with_joints_behind(spec: mujoco.MjSpec, sites: Sequence[str]) -> mujoco.MjSpec:
+    """Add to `spec` a joint behind each of the joints `sites`, and a tendon that moves with the link."""
+    for key in list(spec.keys) if sites else ():  # of another size
+        spec.delete(key)
+    for site in sites:
+        joint, name = spec.joint(site), behind_name(site)
+        behind = joint.parent.add_joint(name=name, type=joint.type, axis=joint.axis, pos=joint.pos)
+        behind.armature, behind.frictionloss = 0.0, 0.0
+        behind.stiffness, behind.damping, behind.springdamper = np.zeros(3), np.zeros(3), np.zeros(2)
+        behind.limited = behind.actfrclimited = False
+        link = spec.add_tendon(name=name)
+        link.wrap_joint(site, 1.0)
+        link.wrap_joint(name, 1.0)
+    return spec
 
 
 def sensor_column(model: mujoco.MjModel, channel: str) -> int:

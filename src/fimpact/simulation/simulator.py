@@ -57,11 +57,12 @@ def threads() -> int:
 
 
 class Simulator:
-    """Predicts what the channels of `recording` read, at its time step divided by `refine`; apart: nothing touches."""
+    """Predicts what the channels of `recording` read, at its time step divided by `refine`; apart: nothing touches;
+    rotors: joints behind which there is a second one (`rotors.Rotors`)."""
 
-    def __init__(self, recording: Recording, refine: int = 1, apart: bool = False):
+    def __init__(self, recording: Recording, refine: int = 1, apart: bool = False, rotors: tuple[str, ...] = ()):
         self.recording, self.refine, self.apart = recording, refine, apart
-        self.base = copy.copy(compiled_model(recording.xml, apart))
+        self.base = copy.copy(compiled_model(recording.xml, apart, rotors))
         self.base.opt.timestep /= refine
         self.base.opt.disableflags |= NO_CONTACT * apart
         configure(self.base)

@@ -124,7 +124,7 @@ def _loads(track: Track, model: mujoco.MjModel, states: States, tau) -> tuple[np
     needed, given = np.zeros_like(states.qvel), np.zeros((len(states), model.nu))
     for k in range(0, len(states), max(1, len(states) // 2000)):
         data.qpos[:], data.qvel[:], data.act[:], data.ctrl[:] = (
-            states.qpos[k], states.qvel[k], states.act[k], track.ctrl[k, 0],
+            states.qpos[k], states.qvel[k], states.act[k, : model.na], track.ctrl[k, 0],
         )  # fmt: skip
         mujoco.mj_forward(model, data)
         needed[k] = data.qfrc_actuator if model.nu else data.qfrc_bias

@@ -116,7 +116,7 @@ def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Colu
     means[:, :, 0] = -smoothed.tau
     innovations, _ = swept(track, whole, smoothed.filter, means)
     adjoint, _ = smoothed.filter.adjoint(track, whole, innovations)
-    forces = -(smoothed.levels.forces**2)[:, :, None] * adjoint[:, track.space.size :]
+    forces = -(smoothed.levels.forces**2)[:, :, None] * adjoint[:, linear.advance.shape[1] :]
     sign = np.ones(innovations.shape[2])
     sign[1:] = -1.0
     return Columns(innovations * sign, forces * sign, tried, owners, _whole(track, linear, whole, means))

@@ -24,7 +24,7 @@ class Simulated:
         """Forget what is true of another trajectory, and what another plant did."""
         if smoothed is self.of:
             return
-        if self.of and not responds_alike(self.of.linear.plant.model, smoothed.linear.plant.model):
+        if self.of and not responds_alike(self.of.linear.plant, smoothed.linear.plant):
             self.earlier = {}
         self.of, self.true, self.wanted = smoothed, {}, set()
 

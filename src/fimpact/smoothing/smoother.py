@@ -16,6 +16,7 @@ from fimpact.deciding import LOUDER, NOTHING, ROUNDS, STILL, TIED, TRUST
 from fimpact.effects.base import Placed
 from fimpact.smoothing.dynamics.linear import Linear, linearise
 from fimpact.smoothing.dynamics.response import heavier
+from fimpact.smoothing.dynamics.rotor_states import with_rotors
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.filter.by_run import Filtered
 from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, in_modes, moved_by, resting
@@ -104,10 +105,12 @@ def smooth(
     theta = theta if theta is not None else track.simulator.theta if like is None else like.theta
     fixed = parameters(track.simulator, theta, placed, priors)
     numbers = [] if frozen else fixed
-    states, tau, doubt = begun, np.zeros_like(begun.qvel), np.full_like(begun.qvel, 1e-3)
+    states = with_rotors(track, begun, (), placed)
+    tau, doubt = np.zeros_like(begun.qvel), np.full_like(begun.qvel, 1e-3)
     levels, linear, stretch, dispersion, surprise = None, None, None, None, np.zeros_like(track.measured)
     if like is not None:
-        states, tau, doubt, levels, surprise = like.states, like.tau, like.doubt, like.levels, like.surprise
+        tau, doubt, levels, surprise = like.tau, like.doubt, like.levels, like.surprise
+        states = with_rotors(track, like.states, like.placed, placed, like.linear.plant.driven)
         linear = like.linear if like.track is track else None
     anneal = list(LOUDER) if track.late.any() and like is None else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
@@ -156,7 +159,7 @@ def smooth(
             # So small a step of the trajectory is not taken: where a joint sticks, it may lead to another branch.
             numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]
             break
-        n = track.space.size
+        n = states.size
         states, tau = track.space.plus(states, found.change[:, :n]), tau + found.change[:, n:]
         doubt = found.doubts(linear, track)
         if numbers:
@@ -236,7 +239,7 @@ def inverse_of_push(track: Track, linear: Linear, sticks: bool = True) -> np.nda
     """
     nv = track.model.nv
     scale = np.repeat([1.0, track.period], nv)
-    push = linear.advance[:, : 2 * nv, track.space.size :] * scale[:, None]
+    push = linear.advance[:, : 2 * nv, linear.advance.shape[1] :] * scale[:, None]
     if track.long and sticks:
         moved = np.linalg.norm(push, axis=1)
         push[np.broadcast_to((moved < NOTHING * np.median(moved, 0))[:, None], push.shape)] = 0.0

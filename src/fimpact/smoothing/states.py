@@ -11,7 +11,7 @@ TINY = 1e-12  # rad: a rotation below which its quaternion is linear
 
 @dataclass(frozen=True)
 class States:
-    """N states: qpos (N, nq), qvel (N, nv), actuator states act (N, na)."""
+    """N states: qpos (N, nq), qvel (N, nv), act (N, na) of actuators and behind them of rotors (`rotor_states`)."""
 
     qpos: np.ndarray
     qvel: np.ndarray
@@ -20,23 +20,22 @@ class States:
     def __len__(self) -> int:
         return len(self.qpos)
 
+    @property
+    def size(self) -> int:
+        """Coordinates of each."""
+        return 2 * self.qvel.shape[1] + self.act.shape[1]
+
     def __getitem__(self, rows) -> "States":
         return States(self.qpos[rows], self.qvel[rows], self.act[rows])
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """The tangent space of the states of a model: n = 2 nv + na coordinates, turns of a body in its own axes."""
+    """The tangent space of the states of a model: turns of a body in its own axes."""
 
     plain: tuple[np.ndarray, np.ndarray]  # indices of qpos and of its tangent that are numbers of their own
     turns: tuple[tuple[int, int], ...]  # first index of each quaternion and of its tangent
     nv: int
-    na: int
-
-    @property
-    def size(self) -> int:
-        """Coordinates of a state."""
-        return 2 * self.nv + self.na
 
     def plus(self, states: States, step: np.ndarray) -> States:
         """The states a `step` (N, n) further."""
@@ -70,7 +69,7 @@ def tangent(model: mujoco.MjModel) -> Tangent:
         columns += range(v, v + plain)
         if kind in (FREE, BALL):
             turns.append((q + plain, v + plain))
-    return Tangent((np.array(rows, int), np.array(columns, int)), tuple(turns), model.nv, model.na)
+    return Tangent((np.array(rows, int), np.array(columns, int)), tuple(turns), model.nv)
 
 
 def _times(a: np.ndarray, b: np.ndarray) -> np.ndarray:

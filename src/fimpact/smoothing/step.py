@@ -95,7 +95,7 @@ def solve(
     mix = np.concatenate([[1.0], step])
     total, mean = np.ascontiguousarray(innovations @ mix)[:, :, None], kept @ mix
     adjoint, errors = own.adjoint(track, linear, total)
-    n = track.space.size
+    n = linear.advance.shape[1]
     covered = np.einsum("kij,klj->kil", own.before, own.before)
     change = np.concatenate(
         [
@@ -134,7 +134,7 @@ def adapted(
         if not np.isfinite(found.chi2):
             break
         expected = variances(track, linear, found.filter)[:2]
-        asked = found.adjoint[:, track.space.size :]
+        asked = found.adjoint[:, linear.advance.shape[1] :]
         levels = nearer(levels, begun, asked, found.errors, expected, noise, pace, track)
         if moved_by(levels, last) < STILL / 2:
             break

@@ -96,7 +96,7 @@ class Played:
     def _starts(self, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         space, sd = tangent(self.model), self.known.simulator.recording.start_sd
         size, count = 2 * space.nv, len(base)
-        moves = np.zeros((size, space.size))
+        moves = np.zeros((size, self.states.size))
         moves[:, :size] = NUDGE * np.eye(size)
         near = space.plus(self.states[np.repeat(np.arange(count), size)], np.tile(moves, (count, 1)))
         found = self.predict(self.known.members[0], near, size).reshape(count, size, *base.shape[1:])

@@ -5,38 +5,21 @@ is known to some standard deviation only.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 from scipy.special import erf
 
 from fimpact.effects.base import Placed
-from fimpact.effects.drives import ahead_of, is_servo, motor_force
-from fimpact.effects.gears import Shaft, encoders
 from fimpact.effects.law_inputs import State
 from fimpact.effects.wiring import ON_JOINT
-from fimpact.smoothing.dynamics.side_by_side import groups_of, longest_piece, shafts_abreast, values_of
+from fimpact.smoothing.dynamics.gear_laws import Driven, gear_of, gears_along
+from fimpact.smoothing.dynamics.side_by_side import groups_of, longest_piece, values_of
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.states import States
 
 DRY = ("dof_frictionloss", "dof_solref", "dof_solimp")  # fields of dry friction
-DRIVES = ("dof_armature", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange")  # what effects change of them
-_LATEST: WeakKeyDictionary = WeakKeyDictionary()  # of each track: states, and what gears did along them
-
-
-@dataclass(frozen=True)
-class Driven:
-    """What drives the gears of a hypothesis: its model, with rotors and motors, and commands that reach it, (N, nu)."""
-
-    model: mujoco.MjModel
-    ctrl: np.ndarray
-
-    def same(self, other: "Driven") -> bool:
-        """Whether it drives them alike."""
-        fields = all(np.array_equal(getattr(self.model, name), getattr(other.model, name)) for name in DRIVES)
-        return fields and np.array_equal(self.ctrl, other.ctrl)
 
 
 def expected_sign(speed: np.ndarray, doubt: np.ndarray) -> np.ndarray:
@@ -67,7 +50,7 @@ def force_of(
             track has.
     """
     if placed.effect.enters == "gear":
-        return _gear(track, placed, states, driven)[0].copy()
+        return gear_of(track, placed, states, driven)[0].copy()
     return _forces(track, [placed], states, tau, doubt)[0]
 
 
@@ -83,7 +66,7 @@ def reading_of(
             missing force itself, so that its smoothed reading holds its own noise, which no law may be fitted to.
     """
     if placed.effect.enters == "gear":
-        return readings + _gear(track, placed, states, driven)[1]
+        return readings + gear_of(track, placed, states, driven)[1]
     if placed.effect.enters != "measurement":
         return readings
     foretold = readings - surprise
@@ -101,7 +84,8 @@ def acts_of(
     Of gears beside what the rigid gear does; zero where it is no such law (what only readings tell: `reading_of`).
 
     Args:
-        tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). driven: as in `force_of`.
+        tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). driven: what drives gears, default:
+            what the track has.
     """
     still = (track.count, len(track.recording.channels))
     turning = [i for i, law in enumerate(laws) if law.effect.enters == "gear"]
@@ -111,7 +95,7 @@ def acts_of(
     rigid: dict[tuple[str, str], Placed] = {}
     for law in (laws[i] for i in turning):
         rigid.setdefault((law.effect.name, law.site), replace(law, values=law.effect.neutral))
-    acts = _gears(track, [*(laws[i] for i in turning), *rigid.values()], states, driven)
+    acts = gears_along(track, [*(laws[i] for i in turning), *rigid.values()], states, driven)
     beside = dict(zip(rigid, acts[len(turning) :], strict=True))
     for i, act in zip(turning, acts[: len(turning)], strict=True):
         none = beside[laws[i].effect.name, laws[i].site]
@@ -195,55 +179,3 @@ def speed_doubt(track: Track, states: States, doubt: np.ndarray) -> np.ndarray:
     """sd of the speeds over a sample, (N, nv): what is not known of them, and what they change within it."""
     change = track.next(states).qvel - states.qvel
     return np.sqrt(doubt**2 + change**2 / 12)
-
-
-def _gear(track: Track, placed: Placed, states: States, driven: Driven | None) -> tuple[np.ndarray, np.ndarray]:
-    """Force, (N, nv), and change of the readings, (N, ny), of one gear: plants ask for both again and again."""
-    driven = driven or Driven(track.model, track.ctrl[:, 0])
-    around, by, found = _LATEST.get(track, (None, driven, {}))
-    if around is not states or not by.same(driven):
-        found = {}
-        _LATEST[track] = states, driven, found
-    own = placed.effect.law, placed.site
-    if own not in found or found[own][0] != placed.values:
-        found[own] = dict(placed.values), _gears(track, [placed], states, driven)[0]
-    return found[own][1]
-
-
-def _gears(
-    track: Track, laws: Sequence[Placed], states: States, driven: Driven | None
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Force, (N, nv), and change of the readings, (N, ny), of each of `laws`, gears that give, carried along each run.
-
-    What drives them does not depend on what they remember: it is found for all samples at once.
-    """
-    driven, shafts = driven or Driven(track.model, track.ctrl[:, 0]), {}
-    model, found = driven.model, {}
-    seen = State(model, states.qpos, states.qvel, driven.ctrl, track.time, track.period, {}, {})
-    rate = (track.next(states).qvel - states.qvel) / track.period
-    for site in dict.fromkeys(law.site for law in laws):
-        dof, servo = int(model.joint(site).dofadr[0]), ahead_of(seen, site) if is_servo(seen, site) else None
-        rotor, speed = float(model.dof_armature[dof]), seen.joint(site)[2]
-        shafts[site] = Shaft(motor_force(seen, site), speed, rotor, track.period, {}, servo)
-    kinds = {i: (shafts[law.site].rotor > 0, shafts[law.site].servo is None) for i, law in enumerate(laws)}
-    for group in groups_of(track, laws, kinds):
-        own = [laws[i] for i in group]
-        for i, (pull, inertia, *ahead) in zip(group, _turned(track, own, [shafts[w.site] for w in own]), strict=True):
-            dof = int(model.joint(laws[i].site).dofadr[0])
-            force, read = np.zeros_like(states.qvel), np.zeros((track.count, len(track.recording.channels)))
-            force[:, dof] = pull - (inertia - model.dof_armature[dof]) * rate[:, dof]
-            for mine, lead in zip(encoders(model, laws[i].site), ahead, strict=True):
-                read[:, np.isin(track.simulator.columns, mine)] = lead[:, None]
-            found[i] = force, read
-    return [found[i] for i in range(len(laws))]
-
-
-def _turned(track: Track, laws: Sequence[Placed], shafts: Sequence[Shaft]) -> list[np.ndarray]:
-    """Pull, inertia, lead and its rate, (4, N), of each of `laws`, of one effect, on its own of the shafts."""
-    rows, values = track.pieces[0], values_of(track, laws)
-    out = np.zeros((4, len(laws) * len(rows), rows.shape[1]))
-    for k, shaft in enumerate(shafts_abreast(shafts, rows[:, : longest_piece(track)])):
-        now = laws[0].effect.law(shaft, laws[0].site, **values)
-        out[0, :, k], out[1, :, k], out[2, :, k], out[3, :, k] = now.pull, now.inertia, now.lead, now.rate
-    parts = np.split(out, len(laws), 1)
-    return [np.stack([track.gathered(own) for own in part]) for part in parts]

@@ -8,6 +8,7 @@ import numpy as np
 from fimpact.effects.base import Placed
 from fimpact.smoothing.dynamics.plant import Plant, plant_of
 from fimpact.smoothing.dynamics.response import Change, Response, Slopes
+from fimpact.smoothing.dynamics.rotor_states import starts_of_rotors
 from fimpact.smoothing.dynamics.track import Step, Track
 from fimpact.smoothing.parameters import Parameter, placed_of, theta_of
 from fimpact.smoothing.states import States
@@ -65,7 +66,7 @@ def linearise(
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
     plant = plant_of(track, placed, theta, states, tau, doubt, sign, surprise)
-    kept = like if like is not None and like.slopes.hold(plant.model) else None
+    kept = like if like is not None and like.slopes.hold(plant) else None
     response = Response(plant, states, tau, None if kept is None else kept.response.inverse)
     slopes = response.slopes(spread) if kept is None else kept.slopes
     changes = {}
@@ -76,7 +77,7 @@ def linearise(
     columns = [(c.after + _ahead(slopes, c), -c.readings - _read(slopes, c)) for c in changes.values()]
     offsets = np.stack([track.space.minus(base.after, track.next(states)), *(own for own, _ in columns)], 2)
     left = np.stack([np.nan_to_num(track.measured - base.readings), *(own for _, own in columns)], 2)
-    first, spread = _starts(track, states)
+    first, spread = _starts(plant, states)
     rubbed, advance, reads = _rubbed(plant, slopes)
     return Linear(plant, base, response, slopes, changes, advance, reads, rubbed @ offsets, left, first, spread, rubbed)
 
@@ -117,12 +118,15 @@ def _rubbed(plant: Plant, slopes: Slopes) -> tuple[np.ndarray, np.ndarray, np.nd
     return rubbed, rubbed @ advance, reads
 
 
-def _starts(track: Track, states: States) -> tuple[np.ndarray, np.ndarray]:
+def _starts(plant: Plant, states: States) -> tuple[np.ndarray, np.ndarray]:
     """From each run's first state to what is believed of it, and how far that is to be believed, (runs, n) each."""
+    track = plant.track
     nv, rows = track.model.nv, track.bounds[:-1]
     qvel = np.sqrt(np.mean(states.qvel**2, 0)) + 1e-3
-    wide = WIDE * np.concatenate([qvel * track.period * 10 + 1e-3, qvel, np.ones(track.space.na)])
-    first, spread = np.zeros((len(rows), track.space.size)), np.tile(wide, (len(rows), 1))
+    begun, rotors = starts_of_rotors(track, states, plant.rotors, plant.driven)
+    wide = np.concatenate([WIDE * qvel * track.period * 10 + 1e-3, WIDE * qvel, WIDE * np.ones(track.model.na), rotors])
+    first, spread = np.zeros((len(rows), states.size)), np.tile(wide, (len(rows), 1))
+    first[:, 2 * nv + track.model.na :] = begun
     known = np.isfinite(track.recording.start_sd)
     for i, run in enumerate(track.runs):
         if run.qpos is not None and run.qvel is not None and run.opens and known.any():

@@ -10,7 +10,9 @@ import numpy as np
 from fimpact.effects.base import Placed
 from fimpact.simulation.nonsmooth import stop_within_a_step
 from fimpact.smoothing.dynamics.dry_friction import Rubbing, rubbing
-from fimpact.smoothing.dynamics.laws import DRY, Driven, force_of, reading_of
+from fimpact.smoothing.dynamics.gear_laws import Driven
+from fimpact.smoothing.dynamics.laws import DRY, force_of, reading_of
+from fimpact.smoothing.dynamics.rotor_states import turning
 from fimpact.smoothing.dynamics.sampled_commands import Commands
 from fimpact.smoothing.dynamics.track import Step, Track
 from fimpact.smoothing.states import States
@@ -46,6 +48,11 @@ class Plant:
         return Driven(self.model, self.ctrl.mean)
 
     @property
+    def rotors(self) -> tuple[Placed, ...]:
+        """Its gears of which the rotor has states of its own."""
+        return turning(self.track, self.placed)
+
+    @property
     def plain(self) -> "Plant":
         """The same at one time step only: a derivative hardly feels the step's error."""
         return replace(self, models=self.models[:1])
@@ -65,11 +72,16 @@ class Plant:
 
     def step(self, states: States, tau: np.ndarray) -> Step:
         """One sample ahead of each state with the missing force `tau` (N, nv)."""
-        found = self.track.ahead(self.models, states, self.ctrl, self.force + tau)
+        found = self.unread(states, tau)
         readings = found.readings
         for law in self.placed:
-            readings = reading_of(self.track, law, self.around, readings, self.surprise, self.driven)
+            if law not in self.rotors:
+                readings = reading_of(self.track, law, self.around, readings, self.surprise, self.driven)
         return Step(found.after, readings)
+
+    def unread(self, states: States, tau: np.ndarray) -> Step:
+        """The same as it is, whatever sensors make of it."""
+        return self.track.ahead(self.models, states, self.ctrl, self.force + tau, self.rotors)
 
 
 def plant_of(
@@ -92,9 +104,10 @@ def plant_of(
     dry = _taken_dry(track, model)
     laws = [law for law in placed if law.effect.enters == "friction"]
     rub = rubbing(track, model, dry, laws, states, tau, doubt, sign)
+    rotors = turning(track, placed)
     force, models, ctrl = rub.force.copy(), track.at_steps(model), track.commands(placed)
     for law in placed:
-        if law.effect.enters != "friction":
+        if law.effect.enters != "friction" and law not in rotors:
             force += force_of(track, law, states, tau, doubt, Driven(model, ctrl.mean))
     return Plant(track, models, tuple(placed), ctrl, force, rub, states, tau, dry, surprise)
 

@@ -22,24 +22,32 @@ CHANGED = 0.2  # of a number of the model: derivatives are renewed
 @dataclass(frozen=True)
 class Slopes:
     """Derivatives of each sample by coordinates of its state and missing force, m = n + nv: advance (N, n, m) of the
-    next state, reads (N, ny, m) of the readings; model: the one they belong to."""
+    next state, reads (N, ny, m) of the readings; plant: the one they belong to."""
 
     advance: np.ndarray
     reads: np.ndarray
-    model: mujoco.MjModel
+    plant: Plant
 
-    def hold(self, model: mujoco.MjModel) -> bool:
-        """Whether they are those of `model` too, as well as a step needs them."""
-        return responds_alike(self.model, model)
+    def hold(self, plant: Plant) -> bool:
+        """Whether they are those of `plant` too, as well as a step needs them."""
+        return responds_alike(self.plant, plant)
 
 
-def responds_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    """Whether two models respond to what acts on them alike, but for a fifth of any of their numbers."""
-    for name in EDITED:
-        before, after = (np.asarray(getattr(own, name), float) for own in (one, other))
-        if np.any(np.abs(after - before) > CHANGED * np.maximum(np.abs(before), np.abs(after))):
-            return False
-    return np.array_equal(one.opt.gravity, other.opt.gravity)
+def responds_alike(one: Plant, other: Plant) -> bool:
+    """Whether two plants respond to what acts on them alike, but for a fifth of any number of their models and gears
+    that give."""
+    gears = [own.rotors for own in (one, other)]
+    if [law.name for law in gears[0]] != [law.name for law in gears[1]]:
+        return False
+    values = [[value for law in own for value in law.values.values()] for own in gears]
+    arrays = [([getattr(own.model, name) for name in EDITED], own.model.opt.gravity) for own in (one, other)]
+    near = all(_alike(*pair) for pair in zip(*(own for own, _ in arrays), strict=True))
+    return near and _alike(*values) and np.array_equal(*(gravity for _, gravity in arrays))
+
+
+def _alike(one, other) -> bool:
+    before, after = np.asarray(one, float), np.asarray(other, float)
+    return not np.any(np.abs(after - before) > CHANGED * np.maximum(np.abs(before), np.abs(after)))
 
 
 @dataclass(frozen=True)
@@ -89,7 +97,7 @@ class Response:
                 tangent.
         """
         track, space, plant, near = self.track, self.track.space, self.plant, self.near
-        n, nv = space.size, track.model.nv
+        n, nv = self.states.size, track.model.nv
         advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
         tiny = 1e-4 * np.maximum(track.model.dof_M0, 1e-9) / track.period
         for j in range(n + nv):
@@ -106,12 +114,12 @@ class Response:
                 found, other = (plant.step(self.states, self.tau + side * own / 2 * unit) for side in (1, -1))
             advance[:, :, j] = space.minus(found.after, other.after) / own
             reads[:, :, j] = (found.readings - other.readings) / own
-        return Slopes(advance, reads, self.plant.model)
+        return Slopes(advance, reads, self.plant)
 
     def nothing(self) -> Change:
         """No change."""
         track = self.track
-        sizes = track.space.size, len(track.recording.channels), track.model.nv
+        sizes = self.states.size, len(track.recording.channels), track.model.nv
         return Change(*(np.zeros((track.count, size)) for size in sizes))
 
     def __call__(self, plant: Plant, told: Commands | None = None) -> Change:
@@ -136,6 +144,9 @@ class Response:
         edited = edits(plant.model, self.plant.model)
         rubs = not np.array_equal(plant.model.dof_frictionloss, self.plant.model.dof_frictionloss)
         simulated = self.long and not (edited and edited <= set(RESTING))
+        gears = plant.rotors, self.plant.rotors
+        # What a rotor does when its motor or its gear changes is no force on the link.
+        simulated |= gears[0] != gears[1] or bool(gears[0] and edited)
         if rubs or simulated or (told is None and not plant.ctrl.same(self.plant.ctrl)):
             return None
         before, after = self.plant.model, plant.model
@@ -151,16 +162,17 @@ class Response:
         if laws == own or not any(p.effect.enters in ("measurement", "gear") for p in (*laws, *own)):
             return self.nothing().readings
         raw, ends = self._raw.readings, []
-        for placed, driven in ((laws, plant.driven), (own, self.plant.driven)):
+        for beside in (plant, self.plant):
             readings = raw
-            for law in placed:
-                readings = reading_of(self.track, law, self.states, readings, plant.surprise, driven)
+            for law in beside.placed:
+                if law not in beside.rotors:
+                    readings = reading_of(self.track, law, self.states, readings, plant.surprise, beside.driven)
             ends.append(readings)
         return ends[0] - ends[1]
 
     @cached_property
     def _raw(self) -> Step:
-        return self.track.ahead(self.plant.models, self.states, self.plant.ctrl, self.plant.force + self.tau)
+        return self.plant.unread(self.states, self.tau)
 
     def _under(self, told: Commands) -> Step:
         if self._told is None or self._told[0] is not told:

@@ -1,7 +1,7 @@
 """The samples of a recording's runs, one after the other, and the model's own simulator over one of them."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +13,8 @@ from fimpact.recordings import Recording, Run
 from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.inputs import FINER as PIECES
 from fimpact.simulation.nonsmooth import stop_within_a_step
-from fimpact.simulation.servo_steps import is_long
+from fimpact.simulation.rotors import Rotors
+from fimpact.simulation.servo_steps import is_long, servo_gains
 from fimpact.simulation.simulator import Simulator
 from fimpact.simulation.state_guess import believed_noise
 from fimpact.simulation.windows import Windows, cut
@@ -52,6 +53,7 @@ class Track:
         self.steps = 0  # simulated so far
         self._believed: tuple[np.ndarray, tuple] | None = None
         self._touching: tuple[States | None, list[np.ndarray], np.ndarray] = None, [], np.zeros(0, bool)
+        self._rotors: dict[tuple[str, ...], Rotors] = {}
         self._given: dict[str, Commands] = {}  # as laws changed them last, and the time before
         self.time = np.concatenate([np.arange(length) * self.period for length in self.lengths])
 
@@ -64,6 +66,12 @@ class Track:
     def long(self) -> bool:
         """Whether a sample is long against the servos: within it joints turn back, and dry friction is simulated."""
         return is_long(self.model, self.period)
+
+    @cached_property
+    def served(self) -> frozenset[str]:
+        """Joints that a servo holds."""
+        stiffness, _ = servo_gains(self.model) or np.zeros((2, self.model.nv))
+        return frozenset(self.model.joint(i).name for i in self.model.dof_jntid[stiffness > 0])
 
     @cached_property
     def ctrl(self) -> np.ndarray:
@@ -133,11 +141,18 @@ class Track:
             self._given = dict([*last, (key, Commands(self.flat(values), jumps))])
         return self._given[key]
 
-    def ahead(self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force: np.ndarray) -> Step:
+    def ahead(
+        self, models: Sequence[mujoco.MjModel], states: States, ctrl: Commands, force: np.ndarray,
+        gears: Sequence[Placed] = (),
+    ) -> Step:  # fmt: skip
         """One sample ahead of each state under `ctrl` and `force` (N, nv): at the step of a model, or where there is
-        one at half of it, at no step at all: what halving it changes is added once more (Richardson)."""
+        one at half of it, at no step at all: what halving it changes is added once more (Richardson).
+
+        Args:
+            gears: those that give, of which `states` has the rotors.
+        """
         least = round(self.period / models[0].opt.timestep)
-        ends = [self._ahead(model, states, ctrl, force, least) for model in models]
+        ends = [self._ahead(model, states, ctrl, force, least, gears) for model in models]
         if len(ends) == 1:
             return ends[0]
         after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
@@ -162,20 +177,27 @@ class Track:
         """What was simulated so far, in simulations of all samples at the model's own time step."""
         return self.steps / (self.count * self.simulator.substeps)
 
-    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force: np.ndarray, least: int) -> Step:
-        first = None
+    def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force, least: int, gears) -> Step:
+        first, advance = None, self._advancing(tuple(gear.site for gear in gears))
         for leg, given in ctrl.legs(model, self.period, least):
-            *after, readings = self.simulator.advance(leg, states.qpos, states.qvel, states.act, given, force)
+            *after, readings = advance(leg, gears, states.qpos, states.qvel, states.act, given, force)
             self.steps += (given.shape[1] if given.ndim == 3 else round(self.period / leg.opt.timestep)) * len(states)
             states, first = States(*after), readings if first is None else first
         assert first is not None  # a period has at least one leg
         return Step(states, first)
 
+    def _advancing(self, sites: tuple[str, ...]) -> Callable:
+        if not sites:
+            return lambda model, gears, *now: self.simulator.advance(model, *now)
+        if sites not in self._rotors:
+            self._rotors[sites] = Rotors(self.simulator, sites)
+        return self._rotors[sites].advance
+
     def read(self, model: mujoco.MjModel, states: States, ctrl: Commands) -> np.ndarray:
         """Readings, (N, ny), in each state under `ctrl`."""
         self.steps += len(states)
         still = np.zeros((len(states), model.nv))
-        now = states.qpos, states.qvel, states.act, ctrl.values[:, :1]
+        now = states.qpos, states.qvel, states.act[:, : model.na], ctrl.values[:, :1]
         return self.simulator.advance(model, *now, still)[3]
 
     def at_steps(self, model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjModel]:

@@ -47,7 +47,7 @@ def swept(track: Track, linear: Linear, own: Filtered, pulls: np.ndarray) -> lis
     Args:
         pulls: mean of the missing force, (N, nv, c).
     """
-    first = np.zeros((len(track.lengths), track.space.size, pulls.shape[2]))
+    first = np.zeros((len(track.lengths), linear.first.shape[1], pulls.shape[2]))
     first[:, :, 0] = linear.first
     parts = linear.advance, linear.reads, own.gains, own.sd
 

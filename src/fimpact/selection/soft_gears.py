@@ -1,0 +1,103 @@
+"""Gears that give, asked by refits: the motion of a rotor behind them is no column beside a trajectory without it.
+
+Each takes the state of a search (`forward.Search`) and changes it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from fimpact.deciding import P_ALARM, TIED, TYPICAL, UNLIKELY
+from fimpact.effects.base import Placed
+from fimpact.selection.options import joint_at
+from fimpact.selection.pruning import pruned
+from fimpact.selection.substitutes import Alternative
+from fimpact.smoothing.candidates import Candidate
+from fimpact.smoothing.dynamics.rotor_states import turning
+from fimpact.smoothing.filter.by_run import filtered
+from fimpact.smoothing.smoother import Smoothed, smooth
+
+
+def softened(search) -> bool:
+    """Put a gear that gives in the place of all that is named at its joint but the parts of a whole drive, or under a
+    servo where most is left without a name, and nothing is named; False where none is likelier.
+
+    What is as likely joins the set.
+    """
+    before, steps = search.current, search.track.steps
+    for joint, out in _asked(search):
+        search.softened.add((joint, frozenset(law.name for law in before.placed)))
+        # What takes the place of others needs be no likelier; what comes beside them must be more than chance.
+        bar = -TIED if len(out) > 1 else TIED if out else np.log(len(search.candidates) / P_ALARM)
+        least = before.loss() - (bar if not out else np.log(UNLIKELY))
+        fits = [_refitted(search, candidate, out, least) for candidate in _gears(search, joint)]
+        fits = [fit for fit in fits if fit.converged]
+        if not fits:
+            continue
+        best = min(fits, key=lambda fit: fit.loss(before.dispersion))
+        ahead = before.loss(before.dispersion) - best.loss(before.dispersion)
+        if ahead > bar and (best := pruned(search, best)).converged and _gives(best, joint):
+            search.progress(f"selecting: {_gives(best, joint)[0].name}, whose rotor moves by itself")
+            search.current, search.track.steps = best, steps
+            search.alternatives = []
+            others = [before] * bool(out) + [fit for fit in fits if _gives(fit, joint) != _gives(best, joint)]
+            search.alternatives = list(_as_likely(best, others))
+            return True
+        search.alternatives += _as_likely(before, fits if out else ())
+    search.track.steps = steps  # no other question goes unasked because this one came first
+    return False
+
+
+def _asked(search) -> Iterator[tuple[str, list[int]]]:
+    """Joints where something is named, with the numbers of it, and the one where most is left."""
+    fit, model = search.current, search.track.model
+    joints = list(dict.fromkeys(c.site for c in search.listed if turning(search.track, [c.placed_as({})])))
+    given = {law.site for law in fit.placed if law.effect.enters == "gear"}
+    at = {joint: [] for joint in joints if joint not in given}
+    for i, law in enumerate(fit.placed):
+        joint = joint_at(model, law.site)
+        if joint in at and law.name not in search.parts:
+            at[joint].append(i)
+    left = dict(zip(joints, (_left(fit, int(model.joint(joint).dofadr[0])) for joint in joints), strict=True))
+    most = max(left, key=lambda joint: left[joint], default="")
+    names = frozenset(law.name for law in fit.placed)
+    for joint, out in at.items():
+        if (out or (joint == most and joint in search.track.served)) and (joint, names) not in search.softened:
+            yield joint, out
+
+
+def _left(fit: Smoothed, dof: int) -> float:
+    """What the log likelihood may gain at most where nothing is missing of the force on `dof`."""
+    force = fit.levels.force.copy()
+    force[:, dof] = fit.levels.least[dof]
+    known = np.isfinite(fit.filter.sd)
+    without = filtered(fit.track, fit.linear, replace(fit.levels, force=force)).sd[known]
+    return float(np.log(fit.filter.sd[known] / without).sum())
+
+
+def _gears(search, joint: str) -> list[Candidate]:
+    found = {c.effect.name: c for c in search.listed if c.site == joint and c.effect.enters == "gear"}
+    return [c for c in found.values() if turning(search.track, [c.placed_as({})])]
+
+
+def _refitted(search, candidate: Candidate, out: list[int], bar: float) -> Smoothed:
+    """The fit with a gear at a typical size, without the effects number `out`, if it may beat the loss `bar`."""
+    fit = search.current
+    kept = [i for i in range(len(fit.placed)) if i not in out]
+    values = candidate.effect.neutral | candidate.shapes
+    values |= {name: TYPICAL * size for name, size in candidate.priors.items()}
+    placed = (*(fit.placed[i] for i in kept), candidate.placed_as(values))
+    priors = (*(fit.priors[i] for i in kept), candidate.priors)
+    return smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress, bar=bar)
+
+
+def _gives(fit: Smoothed, joint: str) -> list[Placed]:
+    return [law for law in fit.placed if law.effect.enters == "gear" and law.site == joint]
+
+
+def _as_likely(fit: Smoothed, others) -> Iterator[Alternative]:
+    for other in others:
+        weight = float(np.exp(min(fit.loss(fit.dispersion) - other.loss(fit.dispersion), 0.0)))
+        if weight > UNLIKELY:
+            yield Alternative(other.placed, other.theta, weight)
