@@ -44,8 +44,10 @@ class Regression:
         rows = columns.innovations
         flat = rows.reshape(-1, rows.shape[2])
         owner = np.repeat(self.stretch, rows.shape[1])
-        own = [flat[owner == b] for b in range(self.count)]
-        grams = np.array([part.T @ part for part in own])
+        grams = np.empty((self.count, flat.shape[1], flat.shape[1]))
+        for b, gram in enumerate(grams):
+            own = flat[owner == b]
+            np.matmul(own.T, own, out=gram)
         self.gram, self.right, self.square = grams[:, 1:, 1:], grams[:, 1:, 0], grams[:, 0, 0]
         self.weight, self.pull = self._priors()
         self.positive = np.zeros(self.gram.shape[1], bool)
@@ -138,17 +140,21 @@ class Regression:
     def elsewhere(self, found: Estimate) -> np.ndarray:
         """What the values of `found` would be without each stretch and those near it, (stretches, k)."""
         kept = list(found.kept)
-        gram, right = self.gram[:, kept][:, :, kept] / self.dispersion, self.right[:, kept] / self.dispersion
+        gram, right = self._grams(kept) / self.dispersion, self.right[:, kept] / self.dispersion
         whole = gram.sum(0) + np.diag(self.weight[kept])
         scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
         others = (whole - np.tensordot(self.near, gram, 1)) / np.outer(scale, scale) + ROUND_OFF * np.eye(len(kept))
         aim = (right.sum(0) - self.near @ right + self.pull[kept]) / scale
         return np.linalg.solve(others, aim[:, :, None])[:, :, 0] / scale
 
+    def _grams(self, kept: list[int]) -> np.ndarray:
+        """What each stretch tells of the columns `kept`, (stretches, k, k)."""
+        return self.gram[:, np.array(kept, int)[:, None], kept]
+
     def errors(self, found: Estimate) -> np.ndarray:
         """Squared innovations, (stretches,), of each stretch as predicted from those elsewhere."""
         kept, values = list(found.kept), self.elsewhere(found)
-        gram, right = self.gram[:, kept][:, :, kept], self.right[:, kept]
+        gram, right = self._grams(kept), self.right[:, kept]
         return self.square - 2 * (values * right).sum(1) + np.einsum("bi,bij,bj->b", values, gram, values)
 
     def forces_left(self, found: Estimate) -> np.ndarray:
@@ -173,7 +179,7 @@ class Regression:
     def scores(self, found: Estimate) -> np.ndarray:
         """Score of each stretch for the kept columns, (stretches, k)."""
         kept = list(found.kept)
-        return self.right[:, kept] - self.gram[:, kept][:, :, kept] @ found.values
+        return self.right[:, kept] - self._grams(kept) @ found.values
 
     def covariance(self, found: Estimate, clusters: np.ndarray | None = None) -> np.ndarray:
         """Cluster-robust covariance, (k, k), at least that of white noise in every direction of a column.
