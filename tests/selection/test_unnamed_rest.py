@@ -1,14 +1,18 @@
 """Physics without a name: where it is and what it follows."""
 
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 from recorded import ARM, BALL, ROD, arm, record, rod, waves
 
+from fimpact.diagnosis.remainder import FOLLOWED, KINDS
 from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
+from fimpact.selection.carried_bodies import Carried, sliding
 from fimpact.selection.forced import fit_forced
 from fimpact.selection.unnamed_rest import Leftover, leftover, smooth_functions
 from fimpact.smoothing.noise_levels import CHANGE
@@ -63,6 +67,38 @@ def test_a_gust_at_a_link_is_one_push_whatever_the_pose():
     commands = [waves(400, [2.0, 0.6], i) for i in range(6)]
     found = left_of(record(ARM, ("q1", "q2"), commands, 5e-4, pull=gust, fine=20))
     assert (found.dof, found.follows) == (1, "push with time") and found.share > 0.3
+
+
+@cache
+def loose() -> Recording:
+    """An arm of whose lower link a third slides to and fro across it, by 3 cm."""
+    tool = """<body name="tool" pos="0 0 -0.125"><joint type="slide" axis="1 0 0" range="-0.015 0.015" limited="true"
+    solreflimit="0.005 1"/><geom type="sphere" size="0.01" mass="0.1"/></body>"""
+    xml = ARM.replace('mass="0.3"/></body>', f'mass="0.2"/>{tool}</body>')
+
+    def whole(model: mujoco.MjModel) -> None:
+        model.body_inertia[model.body("lower").id] *= 0.3 / 0.2
+
+    seen = record(xml, ("q1", "q2"), [waves(400, [2.0, 0.6], i) for i in range(4)], 3e-4, whole, fine=20)
+    return replace(seen, xml=ARM, start_sd=seen.start_sd[:4])
+
+
+def test_what_slides_in_a_body_is_found_there_along_its_axis():
+    found = left_of(loose())
+    assert (found.dof, found.follows) == (1, "slide with pull along x") and found.share > 0.3
+    kind, what = found.follows.split(" with ")
+    assert kind in KINDS and what in FOLLOWED  # it is told in words of its own
+
+
+def test_a_body_lacks_the_weight_of_what_falls_in_it_until_that_meets_the_other_end():
+    push, axes, pull = np.zeros((3, 60, 1)), np.tile(np.eye(3), (60, 1, 1)), np.zeros((60, 3))
+    push[0], pull[:30, 0], pull[30:, 0] = 1.0, 9.81, -9.81
+    track = SimpleNamespace(period=0.01, slices=lambda: [slice(0, 60)])
+    ((axis, forces),) = sliding(track, Carried(0, push, axes, pull, 0.3, 9.81 * 0.2**2 / 2), 2)
+    assert axis == "x" and forces.shape == (60, 2, 1)
+    np.testing.assert_allclose(forces[30:49, 1, 0], 9.81)  # 0.2 s across
+    np.testing.assert_allclose(forces.sum(0), 0.0, atol=1e-9)  # stopped by the end
+    assert not forces[:30].any() and not forces[51:].any()
 
 
 @pytest.mark.parametrize("recording", [rod, arm])

@@ -16,8 +16,12 @@ from fimpact.smoothing.states import States
 KINDS = {
     "": "a force that follows", "friction": "friction that follows", "damping": "damping that follows",
     "gain": "a motor's gain that follows", "push": "a push on what it carries that follows",
+    "slide": "something loose in what it carries, whose slide follows",
 }  # fmt: skip
-FOLLOWED = {"time": "the time in the run", "contact": "whether anything touches"}
+FOLLOWED = {
+    "time": "the time in the run", "contact": "whether anything touches",
+    **{f"pull along {axis}": f"how it is pulled along its {axis}-axis" for axis in "xyz"},
+}  # fmt: skip
 POINTS = 60  # of the picture
 
 

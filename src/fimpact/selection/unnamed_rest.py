@@ -2,7 +2,7 @@
 
 A smooth function of a joint's position, speed, load, time in the run or contact mode, alone or against the motion as
 friction is, is no physics; but it tells whether and where physics is left, and a name that it beats is no name (Anau
-Montel, Alvey, Weniger, arXiv 2412.15100).
+Montel, Alvey, Weniger, arXiv 2412.15100). So does what may be loose in a body.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,9 +14,9 @@ import numpy as np
 from fimpact.deciding import NOTHING as NONE
 from fimpact.deciding import P_ALARM, REFINES, SHARE, UNLIKELY
 from fimpact.effects.base import Coefficient, Effect
-from fimpact.effects.law_inputs import State
 from fimpact.effects.touching import can_touch
 from fimpact.effects.wiring import ON_JOINT
+from fimpact.selection.carried_bodies import carried, sliding
 from fimpact.selection.one_round import Trial, search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression
@@ -73,8 +73,8 @@ def _shows(regression: Regression, trial: Trial) -> bool:
 
 def smooth_functions(fit: Smoothed) -> list[Candidate]:
     """Hat functions of all that may be followed: forces, alone or against the motion as friction and damping are, or
-    with the motor's as a gain is, and pushes on bodies; nothing while a contact begins or ends, where what is missing
-    is what an impact within a sample leaves."""
+    with the motor's as a gain is, and pushes on bodies; and what may slide in these. Nothing while a contact begins or
+    ends, where what is missing is what an impact within a sample leaves."""
     states, doubt = fit.states, speed_doubt(fit.track, fit.states, fit.doubt)
     speed = middle(fit.track, states)[1]
     against, calm = -expected_sign(speed, doubt), 1.0 * (fit.levels.mode != CHANGE)
@@ -87,8 +87,10 @@ def smooth_functions(fit: Smoothed) -> list[Candidate]:
                 if what not in BESIDES.get(kind, ()):
                     name = f"{kind} with {what}" if kind else what
                     found.append(_smooth(fit, dof, name, values, [(calm * times)[:, None] * along]))
-    for dof, push in _pushes(fit):
-        found.append(_smooth(fit, dof, "push with time", fit.track.time, calm[:, None] * push))
+    for body in carried(fit):
+        found.append(_smooth(fit, body.dof, "push with time", fit.track.time, calm[:, None] * body.push))
+        for axis, slides in sliding(fit.track, body, KNOTS):
+            found.append(_weighted(body.dof, f"slide with pull along {axis}", calm[:, None, None] * slides, body.mass))
     return [own for own in found if own]
 
 
@@ -109,18 +111,6 @@ def _followed(fit: Smoothed) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
         if can_touch(model):
             found["contact"] = fit.levels.mode
         yield dof, found
-
-
-def _pushes(fit: Smoothed) -> Iterator[tuple[int, np.ndarray]]:
-    """Last degree of freedom of each body that joints carry, and the generalised force, (3, N, nv), of 1 N along each
-    axis of the world at its centre of mass."""
-    model = fit.track.model
-    qpos, qvel = middle(fit.track, fit.states)
-    seen = State(model, qpos, qvel, fit.track.ctrl[:, 0], fit.track.time, fit.track.period, {}, {})
-    for body in range(1, model.nbody):
-        if model.body_dofnum[body] and model.body_parentid[body]:
-            jacobian = seen.body(body)[2]
-            yield int(model.body_dofadr[body] + model.body_dofnum[body] - 1), jacobian.swapaxes(0, 1)
 
 
 def _on_joint(model: mujoco.MjModel, motor: int) -> bool:
@@ -145,7 +135,11 @@ def _smooth(fit: Smoothed, dof: int, what: str, values: np.ndarray, forces: Sequ
     if not (np.diff(knots) > 0).all() or len(knots) < 2 or not size > 0 or not acting:
         return None
     rows = np.array([np.interp(values, knots, one) for one in np.eye(len(knots))]).T
-    rows = np.concatenate([rows[:, :, None] * force[:, None] for force in acting], 1)  # (N, weights, nv)
+    return _weighted(dof, what, np.concatenate([rows[:, :, None] * force[:, None] for force in acting], 1), size)
+
+
+def _weighted(dof: int, what: str, rows: np.ndarray, size: float) -> Candidate:
+    """A sum of forces, (N, weights, nv), each about `size` times."""
     names = tuple(f"w{i}" for i in range(rows.shape[1]))
 
     def law(state, site, **weights):
