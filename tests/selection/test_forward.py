@@ -324,6 +324,7 @@ def test_what_a_drive_lost_at_a_joint_is_asked_together_with_what_may_have_kept_
     state = object.__new__(Search)
     state.track = SimpleNamespace(model=model, recording=SimpleNamespace(channels=()))
     state.weak, state.parts, state.failed = {"viscous@elbow", "spring@elbow"}, {"viscous@elbow"}, set()
+    state.current, state.dropped = SimpleNamespace(placed=()), set()
     state.candidates = [candidate(*own) for own in (("gain", "m1"), ("viscous", "elbow"), ("spring", "elbow"))]
     assert [c.name for c in state.held_back()] == ["viscous@elbow"]
     tried = [candidate("gain", "m1"), candidate("gain", "m2"), *state.held_back()]

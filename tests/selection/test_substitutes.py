@@ -5,11 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recorded import rod
+from recorded import ROD, record, rod, waves
 from scipy import stats
 from test_forward import COUNT, alone, regression, white
 
 from fimpact.effects import EFFECTS
+from fimpact.effects.families.friction import direction_dependent
 from fimpact.selection import rivals
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import share_of
@@ -57,6 +58,42 @@ def test_what_is_likelier_takes_the_place_of_what_was_answered_first():
     assert exchanged(state, asked, offered)
     assert [law.name for law in state.current.placed] == ["coulomb@pivot"]
     assert state.current.placed[0].values["friction"] == pytest.approx(0.15, rel=0.02)
+
+
+def rod_with_a_preloaded_gear(answer: list[str]) -> tuple[Search, Regression]:
+    """A search on a rod whose dry friction differs between directions, that has answered `answer`."""
+    runs = [waves(400, [0.5], i) for i in range(3)]
+    made = prepare(record(ROD, ("angle",), runs, 1e-3, lambda model: direction_dependent(model, "pivot", 0.2, 0.1)))
+    known = [EFFECTS[name] for name in ("coulomb", "torque_offset", "direction_dependent_coulomb")]
+    state = Search(made.track, made.begun, made.noise, known, lambda line: None)
+    own = [c for c in state.candidates if c.effect.name in answer]
+    placed = [c.placed([0.1 * sd for sd in c.sd]) for c in own]
+    state.current = smooth(made.track, made.begun, made.noise, placed, [c.priors for c in own], state.naive)
+    tried = [*state.open(), *state.open(sums=True)]
+    return state, Regression(state.current, columns(state.current, tried))
+
+
+def test_a_whole_takes_the_place_of_what_it_holds_and_of_what_stands_for_the_rest_of_it(monkeypatch):
+    state, asked = rod_with_a_preloaded_gear(["coulomb", "torque_offset"])
+    names = {"coulomb@pivot", "torque_offset@motor"}
+    assert {law.name for law in state.current.placed} == names and state.offered(asked.columns.candidates) == []
+    refit, now = state.refitted, {"fit": state.current.fit, "cost": state.current.cost}
+    monkeypatch.setattr(state, "refitted", lambda *own: replace(refit(*own), **now))  # as likely, but for round-off
+    assert exchanged(state, asked, [])
+    (law,) = state.current.placed
+    assert law.name == "direction_dependent_coulomb@pivot"
+    assert (law.values["forward"], law.values["backward"]) == pytest.approx((0.2, 0.1), rel=0.05)
+    (before,) = state.alternatives
+    assert {own.name for own in before.placed} == names and before.weight == pytest.approx(1.0)
+
+
+def test_a_whole_is_no_rival_of_what_it_holds_alone(monkeypatch):
+    state, asked = rod_with_a_preloaded_gear(["coulomb"])
+    numbers = [c.name for c in asked.columns.candidates]
+    whole = Option("direction_dependent_coulomb@pivot", 1, (numbers.index("direction_dependent_coulomb@pivot"),))
+    likelier = Exchange((0,), whole, asked.solve([0]), 100.0, True, 0.0)
+    monkeypatch.setattr(rivals, "exchanges", lambda *_: [likelier])
+    assert not exchanged(state, asked, []) and not state.alternatives
 
 
 def test_nothing_takes_the_place_of_what_is_worth_nothing():

@@ -11,7 +11,7 @@ from fimpact.effects.wiring import has_servos
 from fimpact.selection.one_round import Round, Trial, search
 from fimpact.selection.options import Option, options, with_parts
 from fimpact.selection.pruning import pruned
-from fimpact.selection.refit_start import begun, held_by, with_held
+from fimpact.selection.refit_start import begun, held_by, is_sum, with_held
 from fimpact.selection.regression import Regression
 from fimpact.selection.rivals import among_rivals, exchanged
 from fimpact.selection.scanned import scanned
@@ -74,10 +74,10 @@ class Search:
         self.stopped = self.limits.over
         return self.spent < BUDGET and not self.stopped
 
-    def open(self) -> list[Candidate]:
-        """Candidates that are not in."""
+    def open(self, sums: bool = False) -> list[Candidate]:
+        """Candidates that are not in; sums: those that hold what is in, and are no more than it and something more."""
         names = {p.name for p in self.current.placed} | self.dropped | self.weak
-        return [c for c in self.candidates if c.name not in names and not self._is_sum(c)]
+        return [c for c in self.candidates if c.name not in names and is_sum(c, self.current.placed) == sums]
 
     def held_back(self) -> list[Candidate]:
         """Parts of whole drives that were left out beside what is in."""
@@ -86,10 +86,6 @@ class Search:
     def _refines(self, candidate: Candidate) -> bool:
         families = {p.effect.name for p in self.current.placed}
         return bool(set(candidate.effect.refines) & families) and self._has_its_family(candidate)
-
-    def _is_sum(self, candidate: Candidate) -> bool:
-        """Whether it is what is in already and a constant: it holds that, and has no shape of its own."""
-        return bool(held_by(candidate.effect, candidate.site, self.current.placed)) and not candidate.shapes
 
     def is_second_gear(self, tried: Sequence[Candidate], option: Option, out: Collection[int] = ()) -> bool:
         """Whether an option of `tried` puts a gear that gives where another does, but for the effects number `out`."""
@@ -124,9 +120,10 @@ class Search:
 
     def offered(self, tried: Sequence[Candidate]) -> list[Option]:
         """Options of what is tried, without those that failed or are not to be asked; what is held back comes last
-        there, and only with another."""
+        there, and only with another, and then what is only exchanged."""
         model, held = self.track.model, [i for i, c in enumerate(tried) if c.name in self.weak]
-        found = options(model, self.track.recording.channels, tried[: len(tried) - len(held)])
+        last = {c.name for c in self.open(sums=True)} | self.weak
+        found = options(model, self.track.recording.channels, [c for c in tried if c.name not in last])
         found = self.limits.options(found)
         found += with_parts(model, found, tried, held)
         return [option for option in found if option.name not in self.failed]
@@ -170,7 +167,7 @@ class Search:
         if self.first and self.first[0].smoothed is self.current:
             regression, found = self.first
         else:
-            regression, found = self.searched([*self.open(), *self.held_back()])
+            regression, found = self.searched([*self.open(), *self.held_back(), *self.open(sums=True)])
         self.first, self.asked = None, regression
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint

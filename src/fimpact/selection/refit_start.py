@@ -42,6 +42,11 @@ def held_by(effect: Effect, site: str, placed: Sequence[Placed]) -> list[int]:
     return [i for i, law in enumerate(placed) if law.site == site and law.effect.name in effect.contains]
 
 
+def is_sum(candidate: Candidate, placed: Sequence[Placed]) -> bool:
+    """Whether a candidate is one of `placed` and more of the same kind: it holds that, and has no shape of its own."""
+    return bool(held_by(candidate.effect, candidate.site, placed)) and not candidate.shapes
+
+
 def with_held(law: Placed, placed: Sequence[Placed]) -> Placed:
     """A law that takes the place of its special cases begins with their amplitudes."""
     values = dict(law.values)

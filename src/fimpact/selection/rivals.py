@@ -12,15 +12,18 @@ import numpy as np
 from fimpact.deciding import RIVALS, TIED, UNLIKELY
 from fimpact.selection.one_round import Round
 from fimpact.selection.options import Option, joint_at
+from fimpact.selection.refit_start import held_by
 from fimpact.selection.regression import Regression
-from fimpact.selection.substitutes import Alternative, exchanges
+from fimpact.selection.substitutes import Alternative, Exchange, exchanges
+from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.smoother import Smoothed
 
 
 def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool:
     """Put in the place of an effect, or of two, what is likelier, refitted; what is as likely joins the set.
 
-    Of whole drives no two are exchanged, and under servos none: there the whole drive is one.
+    Of whole drives no two are exchanged, and under servos none: there the whole drive is one. What holds an effect that
+    is in takes its place together with that of another, or it is no exchange.
     """
     tried, spread = regression.columns.candidates, regression.dispersion
     beside = [option for option in offered if not search.is_second_gear(tried, option)]
@@ -29,12 +32,15 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
     alone = [i for i, p in enumerate(search.current.placed) if p.name not in search.parts or parts[p.site] == 1]
     one = alone if search.coupled else range(len(search.current.placed))
     leaving = [*((i,) for i in one), *combinations(alone, 2)]
-    others = exchanges(regression, offered, beside, leaving)
+    sums = set() if search.limits.quick else {c.name for c in search.open(sums=True)}
+    wholes = [Option(c.name, c.effect.order, (i,)) for i, c in enumerate(tried) if c.name in sums]
+    others = exchanges(regression, [*offered, *wholes], beside, leaving)
     others = [e for e in others if not search.is_second_gear(tried, e.option, e.places)]
+    others = [e for e in others if e.option.name not in sums or _takes_more(search, tried, e)]
     others = [e for e in others if e.option.members or len(e.places) < 2]
     # What stretches that were not fitted do not bear out is refitted where it would be far likelier: it may have been
-    # followed too far along its tangent.
-    asked = [e for e in others if e.weight > np.exp(-TIED if e.sure else TIED)][:RIVALS]
+    # followed too far along its tangent. Of all others of the set no tangent says which ties go to them.
+    asked = [e for e in others if e.weight > (UNLIKELY if e.sure else np.exp(TIED))][:RIVALS]
     found = []
     for other in asked:
         fit = search.refitted(regression, other, other.places)
@@ -43,7 +49,9 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
         if other.sure and ahead > (-TIED if fewer else TIED):
             gone = " and ".join(search.current.placed[i].name for i in other.places)
             search.progress(f"selecting: {other.option.name} in place of {gone}")
-            search.current, search.alternatives = fit, []
+            before = Alternative(search.current.placed, search.current.theta, float(np.exp(-ahead)))
+            kept = other.option.members and before.weight > UNLIKELY
+            search.current, search.alternatives = fit, [before] if kept else []
             return True
         if other.option.members:
             found.append(Alternative(fit.placed, fit.theta, float(np.exp(min(ahead, 0.0)))))
@@ -58,6 +66,12 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
             search.alternatives.append(own)
             known.add(names)
     return False
+
+
+def _takes_more(search, tried: Sequence[Candidate], other: Exchange) -> bool:
+    """Whether an option takes more away than what it holds."""
+    own = tried[other.option.members[0]]
+    return {*held_by(own.effect, own.site, search.current.placed)} < {*other.places}
 
 
 def unsettled(search) -> list[Alternative]:
