@@ -66,6 +66,15 @@ def test_however_little_is_named_where_it_is_certain():
     assert found(own, alone(1)).chosen.estimate.values[0] == pytest.approx(1e-4, rel=1e-3)
 
 
+def test_what_is_fitted_takes_no_more_than_it_would_of_what_is_predicted():
+    shares = []
+    for dispersion in (1.0, 1.0 + 1e-9):  # fitted to all stretches, and to those elsewhere
+        own = regression({0: 0.2}, white(1))
+        own.__dict__["dispersion"] = dispersion
+        shares.append(tried(own, alone(1)[0]).share)
+    assert shares[0] == pytest.approx(shares[1], rel=0.05)
+
+
 def test_what_does_nothing_is_not_chosen():
     own = regression({}, white(3))
     result = found(own, alone(3))
@@ -99,10 +108,11 @@ def test_what_gains_most_comes_first_though_in_few_stretches():
     assert [t.gain for t in result.tried] == sorted((t.gain for t in result.tried), reverse=True)
 
 
+@pytest.mark.parametrize("shown", [(7, 30), (7,)])
 @pytest.mark.parametrize(("dispersion", "chosen"), [(1.0, True), (1.5, False)])
-def test_what_shows_in_two_stretches_only_is_named_where_the_rest_is_white_noise(dispersion, chosen):
+def test_what_shows_in_few_stretches_only_is_named_where_the_rest_is_white_noise(dispersion, chosen, shown):
     """Elsewhere it may be an accident of what is left: other stretches might have shown nothing."""
-    columns = white(1) * np.isin(np.arange(COUNT) // LENGTH, (7, 30))[:, None]
+    columns = white(1) * np.isin(np.arange(COUNT) // LENGTH, shown)[:, None]
     own = regression({0: 2.0}, columns)
     own.__dict__["dispersion"] = dispersion
     result = found(own, alone(1))

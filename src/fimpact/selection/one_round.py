@@ -142,6 +142,9 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     left = regression.errors(found)
     whole = regression.force_of(now, found)
     taken = forces - regression.forces_left(found) if whole is None else whole
+    if regression.white and whole is None:
+        # As much less as it would be of stretches that are predicted (Stone, J. R. Stat. Soc. B 39(1), 1977).
+        taken = taken * max(0.0, 1 - 2 * added * dispersion / max(gain, 1e-300))
     taken = taken / np.maximum(missing, 1e-300)
     mode, dof = np.unravel_index(np.argmax(taken), taken.shape)
     place, better = (int(mode), int(dof)), errors - left

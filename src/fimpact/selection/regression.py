@@ -158,10 +158,12 @@ class Regression:
         return self.square - 2 * (values * right).sum(1) + np.einsum("bi,bij,bj->b", values, gram, values)
 
     def forces_left(self, found: Estimate) -> np.ndarray:
-        """Squared missing force, (contact modes, nv), left where each stretch is predicted from those elsewhere."""
+        """Squared missing force, (contact modes, nv), left where each stretch is predicted from those elsewhere; where
+        chance can be trusted from all of them: of what shows in one stretch alone, no other tells how much it is."""
         rows = self.columns.forces
         kept = [1 + c for c in found.kept]
-        values = self.elsewhere(found)[self.stretch]
+        values = np.broadcast_to(found.values, (len(rows), len(kept)))
+        values = values if self.white else self.elsewhere(found)[self.stretch]
         left = rows[:, :, 0] - np.einsum("kjc,kc->kj", rows[:, :, kept], values)
         return self.smoothed.levels.summed(left**2)
 
