@@ -43,18 +43,18 @@ PROOF = ["deciding", "recordings", *of("support", "channel_units mujoco_setup vi
 PROOF += of("diagnosis", "freed_model held_out")
 PROOF += of(
     "simulation",
-    "added_forces compiled horizon hypothesis inputs model_pool nonsmooth servo_steps simulator state_guess window_fit windows",
+    "added_forces compiled horizon hypothesis inputs model_pool nonsmooth rotors servo_steps simulator state_guess window_fit windows",
 )
 PROOF += of("smoothing", "noise_levels parameters prepare servo_lag smoother states step stretches time_step")
 PROOF += of(
     "smoothing/dynamics",
-    "body_inertia dry_friction inverse laws linear plain_motors plant response sampled_commands side_by_side track",
+    "body_inertia dry_friction gear_laws inverse laws linear plain_motors plant response rotor_states sampled_commands side_by_side track",
 )
 PROOF += of("smoothing/filter", "by_run kalman")
 FINDING = [*PROOF, *of("smoothing", "candidates columns simulated_laws"), "effects/classes"]
 FINDING += of(
     "selection",
-    "explanation forward one_round options pruning refit_start regression rivals scanned search_scope servo_drives substitutes unnamed_rest",
+    "carried_bodies explanation forward one_round options pruning refit_start regression rivals scanned search_scope servo_drives soft_gears substitutes unnamed_rest",
 )
 FINDING += of(
     "diagnosis/identifiability",

@@ -63,7 +63,9 @@ def simplified(search) -> Smoothed:
     """The fit with a special case in place of each effect that is no likelier than it."""
     fit = search.current
     for place, law in enumerate(fit.placed):
-        special = [c for c in search.candidates if c.effect.name in law.effect.contains and c.site == law.site]
+        names, kinds = {own.name for own in fit.placed}, law.effect.contains
+        special = [c for c in search.candidates if c.effect.name in kinds and c.site == law.site]
+        special = [c for c in special if c.name not in names]
         for candidate in special[:1]:
             known = [c.name for c in law.effect.coefficients if not c.shape]
             size = float(np.mean([law.values[name] for name in known]))

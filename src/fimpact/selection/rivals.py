@@ -27,9 +27,7 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
     """
     tried, spread = regression.columns.candidates, regression.dispersion
     beside = [option for option in offered if not search.is_second_gear(tried, option)]
-    parts = Counter(law.site for law in search.current.placed if law.name in search.parts)
-    # Of a drive of which one part is left at a joint, that part is an effect as any other.
-    alone = [i for i, p in enumerate(search.current.placed) if p.name not in search.parts or parts[p.site] == 1]
+    alone = standing_alone(search)
     one = alone if search.coupled else range(len(search.current.placed))
     leaving = [*((i,) for i in one), *combinations(alone, 2)]
     sums = set() if search.limits.quick else {c.name for c in search.open(sums=True)}
@@ -66,6 +64,13 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
             search.alternatives.append(own)
             known.add(names)
     return False
+
+
+def standing_alone(search) -> list[int]:
+    """Effects that are in, by number, but for the parts of whole drives; of a drive of which one part is left at a
+    joint, that part is an effect as any other."""
+    parts = Counter(law.site for law in search.current.placed if law.name in search.parts)
+    return [i for i, p in enumerate(search.current.placed) if p.name not in search.parts or parts[p.site] == 1]
 
 
 def _takes_more(search, tried: Sequence[Candidate], other: Exchange) -> bool:

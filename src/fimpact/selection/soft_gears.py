@@ -12,6 +12,7 @@ from fimpact.deciding import P_ALARM, TIED, TYPICAL, UNLIKELY
 from fimpact.effects.base import Placed
 from fimpact.selection.options import joint_at
 from fimpact.selection.pruning import pruned
+from fimpact.selection.rivals import standing_alone
 from fimpact.selection.substitutes import Alternative
 from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.dynamics.rotor_states import turning
@@ -55,9 +56,9 @@ def _asked(search) -> Iterator[tuple[str, list[int]]]:
     joints = list(dict.fromkeys(c.site for c in search.listed if turning(search.track, [c.placed_as({})])))
     given = {law.site for law in fit.placed if law.effect.enters == "gear"}
     at = {joint: [] for joint in joints if joint not in given}
-    for i, law in enumerate(fit.placed):
-        joint = joint_at(model, law.site)
-        if joint in at and law.name not in search.parts:
+    for i in standing_alone(search):
+        joint = joint_at(model, fit.placed[i].site)
+        if joint in at:
             at[joint].append(i)
     left = dict(zip(joints, (_left(fit, int(model.joint(joint).dofadr[0])) for joint in joints), strict=True))
     most = max(left, key=lambda joint: left[joint], default="")
@@ -89,7 +90,12 @@ def _refitted(search, candidate: Candidate, out: list[int], bar: float) -> Smoot
     values |= {name: TYPICAL * size for name, size in candidate.priors.items()}
     placed = (*(fit.placed[i] for i in kept), candidate.placed_as(values))
     priors = (*(fit.priors[i] for i in kept), candidate.priors)
-    return smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress, bar=bar)
+    own = search.track, search.begun, search.noise
+    found = smooth(*own, placed, priors, fit, progress=search.progress, bar=bar)
+    if found.converged or not found.loss() < bar:
+        return found
+    # So far ahead, it is worth more steps: the ends of a play are found slowly.
+    return smooth(*own, found.placed, priors, found, progress=search.progress, bar=bar)
 
 
 def _gives(fit: Smoothed, joint: str) -> list[Placed]:

@@ -39,7 +39,7 @@ def with_joints_behind(spec: mujoco.MjSpec, sites: Sequence[str]) -> mujoco.MjSp
     for site in sites:
         joint, name = spec.joint(site), behind_name(site)
         behind = joint.parent.add_joint(name=name, type=joint.type, axis=joint.axis, pos=joint.pos)
-        behind.armature, behind.frictionloss = 0.0, 0.0
+        behind.armature, behind.frictionloss = 1.0, 0.0  # else rotors without inertia could not be compiled
         behind.stiffness, behind.damping, behind.springdamper = np.zeros(3), np.zeros(3), np.zeros(2)
         behind.limited = behind.actfrclimited = False
         link = spec.add_tendon(name=name)

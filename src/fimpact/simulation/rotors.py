@@ -20,7 +20,7 @@ from fimpact.simulation.compiled import behind_name
 from fimpact.simulation.servo_steps import IMPLICIT
 from fimpact.simulation.simulator import Simulator
 
-GIVES = 0.1  # of half a play, over which its ends become hard
+GIVES = 0.3  # of half a play, over which its ends become hard
 LEAST = 1e-3  # of the inertia that a joint feels: a rotor lighter than that follows its motor at once
 # What of a model differs between hypotheses, by degree of freedom, joint or position.
 OF_PARTS = {
@@ -80,6 +80,7 @@ class Rotors:
         for part, names in OF_PARTS.items():
             for name in names:
                 getattr(inner, name)[self.kept[part]] = getattr(outer, name)
+        inner.dof_armature[self.behind["dofs"]] = 0.0
         inner.opt.gravity[:], inner.opt.timestep = outer.opt.gravity, outer.opt.timestep
         inner.opt.disableflags, inner.opt.integrator = outer.opt.disableflags, IMPLICIT
         for gear in gears:

@@ -1,0 +1,118 @@
+"""Gears that give under a servo: the rotor is estimated with the link, and asked for by a refit."""
+
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from recorded import ROD, record, waves
+
+from fimpact.benchmark.planting import gears
+from fimpact.effects import EFFECTS
+from fimpact.effects.base import Placed
+from fimpact.recordings import Recording
+from fimpact.selection.explanation import explain
+from fimpact.simulation.rotors import Rotors
+from fimpact.simulation.simulator import Simulator
+from fimpact.smoothing.candidates import at
+from fimpact.smoothing.columns import motion_scales
+from fimpact.smoothing.dynamics.rotor_states import turning, with_rotors
+from fimpact.smoothing.prepare import prepare
+from fimpact.smoothing.smoother import smooth
+
+PERIOD, RETARDATION = 0.02, gears.RINGING
+SERVO = ROD.replace('damping="0.02"', 'damping="0.1" armature="0.03"').replace(
+    '<motor name="motor" joint="pivot"/>', '<position name="motor" joint="pivot" kp="9" kv="0.2"/>'
+)
+VALUES = {"joint_elasticity": {"compliance": 0.01}, "backlash": {"gap": 0.03}}
+
+
+def behind(name: str, values: dict[str, float], xml: str = SERVO) -> str:
+    """The same rod with a joint between motor and link, as the benchmark plants it."""
+    world = SimpleNamespace(spec=mujoco.MjSpec.from_string(xml), shafts=[], angle=np.pi / 180)
+    getattr(gears, name)(world, "pivot", **values)
+    return world.spec.to_xml()
+
+
+@cache
+def recorded(name: str = "") -> Recording:
+    """Three runs of 4 s at 50 Hz, one held out, of a rod with the gear `name`, and the model without one."""
+    xml = behind(name, VALUES[name]) if name else SERVO
+    made = record(xml, ("angle",), [waves(200, [0.6], i, PERIOD) for i in range(3)], 1e-3, period=PERIOD, fine=200)
+    return replace(made, xml=SERVO, start_sd=np.full(2, np.inf))
+
+
+def placed(name: str, **values: float) -> Placed:
+    own = {"retardation": RETARDATION} if name == "joint_elasticity" else {}
+    return Placed(EFFECTS[name], "pivot", {**own, **VALUES[name], **values})
+
+
+@pytest.mark.parametrize("damped", [0.02, 0.1])
+def test_a_sample_is_that_of_a_joint_between_motor_and_link(damped):
+    """The bearing is the link's, and so is what is missing of the force."""
+    xml = SERVO.replace('damping="0.1"', f'damping="{damped}" stiffness="0.5" springref="10"')
+    own = replace(recorded(), xml=xml)
+    simulator, whole = (
+        Simulator(own, 8),
+        Simulator(replace(own, xml=behind("joint_elasticity", {"compliance": 0.01}, xml)), 8),
+    )
+    whole.base.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    rng = np.random.default_rng(0)
+    link, lead, rate, turn, target, push = rng.standard_normal((6, 20, 1))
+    lead *= 0.05
+    state = link, rate, np.concatenate([lead, turn], 1)
+    found = Rotors(simulator, ("pivot",)).advance(simulator.base, [placed("joint_elasticity")], *state, target, push)
+    motor, second = np.concatenate([link + lead, -lead], 1), np.concatenate([rate + turn, -turn], 1)
+    none = np.zeros((20, 0))
+    qpos, qvel, _, read = whole.advance(whole.base, motor, second, none, target, np.repeat(push, 2, 1))
+    np.testing.assert_allclose(found[0][:, 0], qpos.sum(1), atol=1e-6)
+    np.testing.assert_allclose(found[1][:, 0], qvel.sum(1), atol=1e-5)
+    np.testing.assert_allclose(found[2], -np.stack([qpos[:, 1], qvel[:, 1]], 1), atol=1e-5)
+    np.testing.assert_allclose(found[3], read, atol=1e-12)
+    np.testing.assert_allclose(read[:, 0], motor[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "near"), [("joint_elasticity", "compliance", 0.1), ("backlash", "gap", 0.15)]
+)
+def test_a_gear_under_a_servo_is_found_as_it_is(name, value, near):
+    made = prepare(recorded(name))
+    first = at(EFFECTS[name], "pivot", made.track.model, motion_scales(made.naive))[0]
+    begun = first.placed_as({**first.shapes, **first.effect.neutral, **first.shapes, value: 0.5 * VALUES[name][value]})
+    found = smooth(made.track, made.begun, made.noise, [begun], [first.priors], made.naive)
+    assert found.converged and found.loss() < made.naive.loss() - 50
+    assert found.placed[0].values[value] == pytest.approx(VALUES[name][value], rel=near)
+    assert found.levels.forces.max() < 0.2 * made.naive.levels.forces.max()
+
+
+def test_readings_stay_where_a_rotor_comes_and_goes():
+    made = prepare(recorded("backlash"))
+    states, gear = made.naive.states, [placed("backlash")]
+    wound = with_rotors(made.track, states, (), gear)
+    assert wound.act.shape[1] == 2 and np.ptp(wound.act[:, 0]) > 0.5 * VALUES["backlash"]["gap"]
+    np.testing.assert_allclose(wound.qpos + wound.act[:, :1], states.qpos, atol=1e-12)
+    np.testing.assert_allclose(wound.qvel + wound.act[:, 1:], states.qvel, atol=1e-12)
+    assert with_rotors(made.track, wound, gear, [*gear, placed("backlash")][:1]) is wound
+    back = with_rotors(made.track, wound, gear, ())
+    np.testing.assert_allclose(back.qpos, states.qpos, atol=1e-12)
+    assert back.act.shape[1] == 0
+
+
+def test_a_plain_motor_leaves_its_rotor_to_the_law():
+    """It throws the rotor from end to end of a play: through its blows no tangent holds."""
+    made = prepare(
+        replace(recorded(), xml=SERVO.replace("position", "motor").replace(' kp="9" kv="0.2"', "")), refine=1
+    )
+    assert turning(made.track, [placed("backlash")]) == ()
+    assert turning(prepare(recorded(), refine=1).track, [placed("backlash")]) == (placed("backlash"),)
+    assert turning(made.track, [placed("joint_elasticity")]) == (placed("joint_elasticity"),)
+
+
+@pytest.mark.parametrize("name", ["joint_elasticity", "backlash", ""])
+def test_what_no_column_shows_is_asked_by_a_refit(name):
+    made = prepare(recorded(name))
+    known = [EFFECTS[own] for own in ("viscous", "coulomb", "backlash", "joint_elasticity")]
+    found = explain(made.track, made.begun, made.noise, known, naive=made.naive)
+    assert [law.name for law in found.final.placed] == ([f"{name}@pivot"] if name else [])
