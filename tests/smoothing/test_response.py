@@ -150,7 +150,7 @@ def test_derivatives_are_renewed_where_there_was_nothing_or_gravity_is_another()
     assert not Slopes(none, none, rigid(model)).hold(rigid(leaning))
 
 
-@pytest.mark.parametrize(("site", "factor", "hold"), [("j", 1.15, True), ("j", 1.3, False), ("k", 1.0, False)])
+@pytest.mark.parametrize(("site", "factor", "hold"), [("j", 1.0, True), ("j", 1.15, False), ("k", 1.0, False)])
 def test_derivatives_are_renewed_where_a_gear_gives_otherwise(site, factor, hold):
     model, none = mujoco.MjModel.from_xml_string(ROD), np.zeros((1, 1, 1))
     one, other = (

@@ -17,6 +17,7 @@ from fimpact.selection.rivals import among_rivals, exchanged
 from fimpact.selection.scanned import scanned
 from fimpact.selection.search_scope import Limits
 from fimpact.selection.servo_drives import refitted_whole
+from fimpact.selection.soft_gears import fitted
 from fimpact.selection.substitutes import Alternative, Exchange
 from fimpact.smoothing.candidates import Candidate, candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
@@ -229,7 +230,7 @@ class Search:
         """The fit with the members of `trial`, begun where the regression has them, without the effects `out`."""
         own, known, theta = self.begun_with(regression, trial, out)
         bar = self.current.loss() - np.log(UNLIKELY) * bool(out)  # what takes another's place may be as likely
-        return smooth(self.track, self.begun, self.noise, own, known, self.current, theta, self.progress, bar=bar)
+        return fitted(self, own, known, theta, bar)
 
     def begun_with(
         self, regression: Regression, trial: Trial | Exchange, out: Collection[int] = ()

@@ -3,7 +3,7 @@
 Each takes the state of a search (`forward.Search`) and changes it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -90,12 +90,17 @@ def _refitted(search, candidate: Candidate, out: list[int], bar: float) -> Smoot
     values |= {name: TYPICAL * size for name, size in candidate.priors.items()}
     placed = (*(fit.placed[i] for i in kept), candidate.placed_as(values))
     priors = (*(fit.priors[i] for i in kept), candidate.priors)
+    return fitted(search, placed, priors, fit.theta, bar)
+
+
+def fitted(search, placed: Sequence[Placed], priors, theta: np.ndarray, bar: float) -> Smoothed:
+    """The fit with `placed`, begun at the unknowns `theta`, if it may beat the loss `bar`. Where a rotor moves freely
+    it goes on, if it is ahead and not yet still: damping of gears and ends of plays are found slowly."""
     own = search.track, search.begun, search.noise
-    found = smooth(*own, placed, priors, fit, progress=search.progress, bar=bar)
-    if found.converged or not found.loss() < bar:
-        return found
-    # So far ahead, it is worth more steps: the ends of a play are found slowly.
-    return smooth(*own, found.placed, priors, found, progress=search.progress, bar=bar)
+    fit = smooth(*own, placed, priors, search.current, theta, search.progress, bar=bar)
+    if fit.converged or not fit.loss() < bar or not turning(search.track, placed):
+        return fit
+    return smooth(*own, fit.placed, priors, fit, progress=search.progress, bar=bar)
 
 
 def _gives(fit: Smoothed, joint: str) -> list[Placed]:

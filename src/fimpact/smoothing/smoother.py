@@ -112,7 +112,9 @@ def smooth(
         tau, doubt, levels, surprise = like.tau, like.doubt, like.levels, like.surprise
         states = with_rotors(track, like.states, like.placed, placed, like.linear.plant.driven)
         linear = like.linear if like.track is track else None
-    anneal = list(LOUDER) if track.late.any() and like is None else []
+    # Rotors move what touches, too.
+    anew = like is None or like.states.size != states.size
+    anneal = list(LOUDER) if track.late.any() and anew else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
     pace, converged, k, change = Pace(), False, 0, np.inf
     least, lost = np.inf, 0  # of the rounds so far, and rounds since that fit worse than it

@@ -1,5 +1,6 @@
 """What a change of the plant does to every sample: a force where it is held over the sample, else simulated."""
 
+import operator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -29,8 +30,10 @@ class Slopes:
     plant: Plant
 
     def hold(self, plant: Plant) -> bool:
-        """Whether they are those of `plant` too, as well as a step needs them."""
-        return responds_alike(self.plant, plant)
+        """Whether they are those of `plant` too, as well as a step needs them: what a gear that gives does to the next
+        sample is told by little else."""
+        values = ([law.values for law in own.rotors] for own in (self.plant, plant))
+        return responds_alike(self.plant, plant) and operator.eq(*values)
 
 
 def responds_alike(one: Plant, other: Plant) -> bool:
