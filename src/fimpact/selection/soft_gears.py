@@ -21,8 +21,8 @@ from fimpact.smoothing.smoother import Smoothed, smooth
 
 
 def softened(search) -> bool:
-    """Put a gear that gives in the place of all that is named at its joint but the parts of a whole drive, or under a
-    servo where most is left without a name, and nothing is named; False where none is likelier.
+    """Put a gear that gives in the place of all that is named at its joint but the parts of a whole drive, or, where
+    nothing is named, at the servo at which most is left without a name; False where none is likelier.
 
     What is as likely joins the set.
     """
@@ -41,30 +41,34 @@ def softened(search) -> bool:
         if ahead > bar and (best := pruned(search, best)).converged and _gives(best, joint):
             search.progress(f"selecting: {_gives(best, joint)[0].name}, whose rotor moves by itself")
             search.current, search.track.steps = best, steps
-            search.alternatives = []
             others = [before] * bool(out) + [fit for fit in fits if _gives(fit, joint) != _gives(best, joint)]
             search.alternatives = list(_as_likely(best, others))
             return True
-        search.alternatives += _as_likely(before, fits if out else ())
+        known = {frozenset(law.name for law in own.placed) for own in search.alternatives}
+        found = _as_likely(before, fits if out else ())
+        search.alternatives += [own for own in found if frozenset(law.name for law in own.placed) not in known]
     search.track.steps = steps  # no other question goes unasked because this one came first
     return False
 
 
 def _asked(search) -> Iterator[tuple[str, list[int]]]:
-    """Joints where something is named, with the numbers of it, and the one where most is left."""
+    """Joints where something is named, with the numbers of it, and the one where most is left; of plain motors, of which
+    columns tell a gear that gives from any one effect, those where two are.
+    """
     fit, model = search.current, search.track.model
     joints = list(dict.fromkeys(c.site for c in search.listed if turning(search.track, [c.placed_as({})])))
     given = {law.site for law in fit.placed if law.effect.enters == "gear"}
-    at = {joint: [] for joint in joints if joint not in given}
+    at: dict[str, list[int]] = {joint: [] for joint in joints if joint not in given}
     for i in standing_alone(search):
         joint = joint_at(model, fit.placed[i].site)
         if joint in at:
             at[joint].append(i)
-    left = dict(zip(joints, (_left(fit, int(model.joint(joint).dofadr[0])) for joint in joints), strict=True))
-    most = max(left, key=lambda joint: left[joint], default="")
+    served = [joint for joint in joints if joint in search.track.served]
+    most = max(served, key=lambda joint: _left(fit, int(model.joint(joint).dofadr[0])), default="")
     names = frozenset(law.name for law in fit.placed)
     for joint, out in at.items():
-        if (out or (joint == most and joint in search.track.served)) and (joint, names) not in search.softened:
+        asked = out or joint == most if joint in served else len(out) > 1
+        if asked and (joint, names) not in search.softened:
             yield joint, out
 
 
