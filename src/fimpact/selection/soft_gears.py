@@ -28,7 +28,7 @@ def softened(search) -> bool:
     """
     before, steps = search.current, search.track.steps
     for joint, out in _asked(search):
-        search.softened.add((joint, frozenset(law.name for law in before.placed)))
+        search.softened.add((joint, frozenset(before.placed[i].name for i in out)))
         # What takes the place of others needs be no likelier; what comes beside them must be more than chance.
         bar = -TIED if len(out) > 1 else TIED if out else np.log(len(search.candidates) / P_ALARM)
         least = before.loss() - (bar if not out else np.log(UNLIKELY))
@@ -52,9 +52,8 @@ def softened(search) -> bool:
 
 
 def _asked(search) -> Iterator[tuple[str, list[int]]]:
-    """Joints where something is named, with the numbers of it, and the one where most is left; of plain motors, of which
-    columns tell a gear that gives from any one effect, those where two are.
-    """
+    """Joints where something is named, with the numbers of it, and the one where most is left; of plain motors, of
+    which columns tell a gear that gives from any one effect, those where two are. Each with the same names once."""
     fit, model = search.current, search.track.model
     joints = list(dict.fromkeys(c.site for c in search.listed if turning(search.track, [c.placed_as({})])))
     given = {law.site for law in fit.placed if law.effect.enters == "gear"}
@@ -65,10 +64,9 @@ def _asked(search) -> Iterator[tuple[str, list[int]]]:
             at[joint].append(i)
     served = [joint for joint in joints if joint in search.track.served]
     most = max(served, key=lambda joint: _left(fit, int(model.joint(joint).dofadr[0])), default="")
-    names = frozenset(law.name for law in fit.placed)
     for joint, out in at.items():
         asked = out or joint == most if joint in served else len(out) > 1
-        if asked and (joint, names) not in search.softened:
+        if asked and (joint, frozenset(fit.placed[i].name for i in out)) not in search.softened:
             yield joint, out
 
 
