@@ -15,6 +15,7 @@ from fimpact.selection import rivals
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import share_of
 from fimpact.selection.options import Option, options
+from fimpact.selection.pruning import simplified
 from fimpact.selection.regression import Regression
 from fimpact.selection.rivals import among_rivals, exchanged
 from fimpact.selection.substitutes import Exchange, exchanges
@@ -191,3 +192,12 @@ def test_a_rival_that_was_not_refitted_counts_no_more_than_the_answer(monkeypatc
     found = SimpleNamespace(chosen=chosen, rivals=((trial, 1e4),))
     assert among_rivals(state, asked, found, state.current) is state.current
     assert [a.weight for a in state.alternatives] == [1.0]
+
+
+def test_a_special_case_that_is_in_already_takes_no_other_place():
+    made = prepare(rod(0.1))
+    state = Search(made.track, made.begun, made.noise, [EFFECTS["coulomb"], EFFECTS["stribeck"]], lambda line: None)
+    own = [next(c for c in state.candidates if c.effect.name == name) for name in ("coulomb", "stribeck")]
+    placed = [c.placed([0.1 * sd for sd in c.sd]) for c in own]
+    state.current = smooth(made.track, made.begun, made.noise, placed, [c.priors for c in own], state.naive)
+    assert [law.name for law in simplified(state).placed] == ["coulomb@pivot", "stribeck@pivot"]
