@@ -74,6 +74,13 @@ def test_a_sample_is_that_of_a_joint_between_motor_and_link(damped):
     np.testing.assert_allclose(read[:, 0], motor[:, 0], atol=1e-12)
 
 
+def test_contacts_are_as_soft_as_with_a_rigid_gear():
+    simulator = Simulator(recorded(), 8)
+    own = Rotors(simulator, ("pivot",)).model(simulator.base, [placed("joint_elasticity")])
+    np.testing.assert_array_equal(own.body_invweight0, simulator.base.body_invweight0)
+    assert own.dof_invweight0[1] > 1.5 * simulator.base.dof_invweight0[0]  # the link alone turns easier
+
+
 @pytest.mark.parametrize(
     ("name", "value", "near"), [("joint_elasticity", "compliance", 0.1), ("backlash", "gap", 0.15)]
 )

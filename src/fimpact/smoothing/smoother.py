@@ -154,9 +154,9 @@ def smooth(
             f"numbers by {far:.2g} of their sd"
         )
         now, moved = found.fit + found.cost, max(moved_by(levels, begun_levels), far) / FAR
-        # A gear's motion is known of the last trajectory only, and creeps: what is no likelier for it stands still.
-        creeps = change < WORN and 2 * abs(now - before) < TIED
-        converged = k >= len(anneal) and moved < STILL and (change < STILL or creeps)
+        # A gear's damping, and what a law remembers of the last trajectory, creep: no likelier for it, it stands still.
+        creeps = max(change, moved) < WORN and 2 * abs(now - before) < TIED
+        converged = k >= len(anneal) and (max(change, moved) < STILL or creeps)
         if converged and track.long:
             # So small a step of the trajectory is not taken: where a joint sticks, it may lead to another branch.
             numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]
