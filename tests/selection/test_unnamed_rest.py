@@ -45,7 +45,7 @@ def left_of(recording: Recording, *answered: tuple[str, str]) -> Leftover:
 @pytest.mark.parametrize(("what", "follows"), [("rough", "friction with position"), ("wind", "time")])
 def test_what_is_left_is_said_by_place_and_by_what_it_follows(what, follows):
     found = left_of(pulled(what))
-    assert (found.dof, found.follows) == (0, follows) and found.share > 0.3
+    assert (found.dof, found.follows) == (0, follows) and found.share > 0.15
 
 
 def test_a_gain_that_swings_with_the_time_is_told_from_a_force():
@@ -53,7 +53,7 @@ def test_a_gain_that_swings_with_the_time_is_told_from_a_force():
         return 0.02 * np.sin(2 * np.pi * data.time / 1.1) * data.ctrl
 
     found = left_of(record(ROD, ("angle",), [waves(400, [0.5], i) for i in range(5)], 3e-4, pull=swings, fine=20))
-    assert (found.dof, found.follows) == (0, "gain with time") and found.share > 0.3
+    assert (found.dof, found.follows) == (0, "gain with time") and found.share > 0.15
 
 
 def test_a_gust_at_a_link_is_one_push_whatever_the_pose():
@@ -66,7 +66,7 @@ def test_a_gust_at_a_link_is_one_push_whatever_the_pose():
 
     commands = [waves(400, [2.0, 0.6], i) for i in range(6)]
     found = left_of(record(ARM, ("q1", "q2"), commands, 5e-4, pull=gust, fine=20))
-    assert (found.dof, found.follows) == (1, "push with time") and found.share > 0.3
+    assert (found.dof, found.follows) == (1, "push with time") and found.share > 0.15
 
 
 @cache
@@ -85,7 +85,7 @@ def loose() -> Recording:
 
 def test_what_slides_in_a_body_is_found_there_along_its_axis():
     found = left_of(loose())
-    assert (found.dof, found.follows) == (1, "slide with pull along x") and found.share > 0.3
+    assert (found.dof, found.follows) == (1, "slide with pull along x") and found.share > 0.15
     kind, what = found.follows.split(" with ")
     assert kind in KINDS and what in FOLLOWED  # it is told in words of its own
 
