@@ -17,7 +17,7 @@ CONVERGED, ITERATIONS = 1e-13, 50  # of MuJoCo's constraint solver
 NO_CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
-@lru_cache(maxsize=2)  # a large model takes longer to compile than to copy
+@lru_cache(maxsize=8)  # a large model takes longer to compile than to copy
 def compiled_model(xml: str, apart: bool, sites: tuple[str, ...] = ()) -> mujoco.MjModel:
     """The model of an MJCF that can be edited, without what is only seen.
 
