@@ -74,6 +74,18 @@ def test_a_sample_is_that_of_a_joint_between_motor_and_link(damped):
     np.testing.assert_allclose(read[:, 0], motor[:, 0], atol=1e-12)
 
 
+def test_a_gear_that_does_not_give_is_rigid():
+    simulator, state = Simulator(recorded(), 8), (np.full((1, 1), 0.2), np.ones((1, 1)))
+    simulator.base.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    gear = placed("joint_elasticity", compliance=0.0)
+    target, push = np.zeros((1, 1)), np.full((1, 1), 0.3)
+    found = Rotors(simulator, ("pivot",)).advance(simulator.base, [gear], *state, np.zeros((1, 2)), target, push)
+    rigid = simulator.advance(simulator.base, *state, np.zeros((1, 0)), target, push)
+    for own, other in zip(found[:2], rigid[:2], strict=True):
+        np.testing.assert_allclose(own, other, rtol=1e-6)
+    assert np.abs(found[2]).max() < 1e-6
+
+
 def test_contacts_are_as_soft_as_with_a_rigid_gear():
     simulator = Simulator(recorded(), 8)
     own = Rotors(simulator, ("pivot",)).model(simulator.base, [placed("joint_elasticity")])

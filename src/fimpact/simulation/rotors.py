@@ -21,6 +21,7 @@ from fimpact.simulation.servo_steps import IMPLICIT
 from fimpact.simulation.simulator import Simulator
 
 GIVES = 0.3  # of half a play, over which its ends become hard
+STIFF = 1e6  # times what would swing within a time step: a gear that gives no less is rigid
 LEAST = 1e-3  # of the inertia that a joint feels: a rotor lighter than that follows its motor at once
 # What of a model differs between hypotheses, by degree of freedom, joint or position.
 OF_PARTS = {
@@ -47,21 +48,11 @@ class Rotors:
         self.sites = tuple(sites)
         self.simulator = Simulator(simulator.recording, simulator.refine, simulator.apart, self.sites)
         outer, inner = simulator.base, self.simulator.base
-        behind = [inner.joint(behind_name(site)) for site in sites]
         self.tendons = [inner.tendon(behind_name(site)).id for site in sites]
-        self.behind = {
-            "dofs": np.array([int(joint.dofadr[0]) for joint in behind], int),
-            "joints": np.array([joint.id for joint in behind], int),
-            "places": np.array([int(joint.qposadr[0]) for joint in behind], int),
-        }
+        self.own = _addresses(outer, sites)
+        self.behind = _addresses(inner, [behind_name(site) for site in sites])
         sizes = {"dofs": inner.nv, "joints": inner.njnt, "places": inner.nq}
         self.kept = {name: np.delete(np.arange(size), self.behind[name]) for name, size in sizes.items()}
-        joints = [outer.joint(site) for site in sites]
-        self.own = {
-            "dofs": np.array([int(joint.dofadr[0]) for joint in joints], int),
-            "joints": np.array([joint.id for joint in joints], int),
-            "places": np.array([int(joint.qposadr[0]) for joint in joints], int),
-        }
         self.shared = [
             name
             for name in dir(outer)
@@ -113,7 +104,8 @@ class Rotors:
             inner.jnt_solref[second] = 2 * self.simulator.base.opt.timestep, 1.0
             inner.jnt_solimp[second, 2] = GIVES * half
             return
-        stiffness = 1 / gear.values["compliance"]
+        rigid = STIFF * outer.dof_M0[dof] / outer.opt.timestep**2
+        stiffness = 1 / max(gear.values["compliance"], 1 / rigid)
         inner.jnt_stiffness[second] = stiffness
         inner.dof_damping[behind] = stiffness * gear.values["retardation"]
 
@@ -148,3 +140,13 @@ class Rotors:
         out, ahead = inner[:, self.kept[part]], -inner[:, self.behind[part]]
         out[:, self.own[part]] -= ahead
         return out, ahead
+
+
+def _addresses(model: mujoco.MjModel, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Numbers of the degrees of freedom, joints and positions of the joints `names`."""
+    joints = [model.joint(name) for name in names]
+    return {
+        "dofs": np.array([int(joint.dofadr[0]) for joint in joints], int),
+        "joints": np.array([joint.id for joint in joints], int),
+        "places": np.array([int(joint.qposadr[0]) for joint in joints], int),
+    }
