@@ -14,10 +14,13 @@ from fimpact.effects import EFFECTS
 from fimpact.recordings import Recording
 from fimpact.selection.carried_bodies import Carried, sliding
 from fimpact.selection.forced import fit_forced
+from fimpact.selection.swaying_bases import swaying
 from fimpact.selection.unnamed_rest import Leftover, leftover, smooth_functions
 from fimpact.smoothing.noise_levels import CHANGE
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
+
+AXES = "1 0 0", "0 1 0", "0 0 1"
 
 
 @cache
@@ -101,6 +104,30 @@ def test_a_body_lacks_the_weight_of_what_falls_in_it_until_that_meets_the_other_
     assert not forces[:30].any() and not forces[51:].any()
 
 
+@cache
+def on_a_stand() -> Recording:
+    """An arm on a stand of 3 kg that swings along x, 3 times a second."""
+    stand = """<body name="stand"><joint type="slide" axis="1 0 0" stiffness="1100" damping="6"/>
+    <geom type="sphere" size="0.01" mass="3"/>"""
+    xml = ARM.replace("<worldbody>", f"<worldbody>{stand}").replace("</worldbody>", "</body></worldbody>")
+    seen = record(xml, ("q1", "q2"), [waves(400, [2.0, 0.6], i) for i in range(4)], 3e-4, fine=20)
+    return replace(seen, xml=ARM, start_sd=seen.start_sd[:4])
+
+
+def test_the_sway_of_a_stand_is_found_along_its_axis():
+    found = left_of(on_a_stand())
+    assert (found.dof, found.follows) == (0, "sway with push along x") and found.share > 0.5
+    kind, what = found.follows.split(" with ")
+    assert kind in KINDS and what in FOLLOWED
+
+
+@pytest.mark.parametrize("joints", ["<freejoint/>", "".join(f'<joint type="slide" axis="{a}"/>' for a in AXES)])
+def test_what_flies_stands_on_nothing(joints):
+    xml = BALL.replace('<freejoint name="free"/>', joints)
+    fit = SimpleNamespace(track=SimpleNamespace(model=mujoco.MjModel.from_xml_string(xml)))
+    assert not list(swaying(fit, 4))
+
+
 @pytest.mark.parametrize("recording", [rod, arm])
 def test_where_nothing_is_missing_nothing_is_left(recording):
     assert left_of(recording()) == Leftover(None, None, 0.0, ())
@@ -122,6 +149,7 @@ def test_a_smooth_function_is_one_everywhere_where_its_weights_are():
     assert set(tried) == {
         "position", "speed", "time", "load", "friction with position", "friction with time", "friction with load",
         "damping with position", "damping with time", "gain with position", "gain with time",
+        "sway with push along x", "sway with push along z",
     }  # fmt: skip
     own = tried["position"]
     np.testing.assert_allclose(own.effect.law(None, own.site, **dict.fromkeys(own.names, 2.0)), 2.0)

@@ -54,7 +54,7 @@ PROOF += of("smoothing/filter", "by_run kalman")
 FINDING = [*PROOF, *of("smoothing", "candidates columns simulated_laws"), "effects/classes"]
 FINDING += of(
     "selection",
-    "carried_bodies explanation forward one_round options pruning refit_start regression rivals scanned search_scope servo_drives soft_gears substitutes unnamed_rest",
+    "carried_bodies explanation forward one_round options pruning refit_start regression rivals scanned search_scope servo_drives soft_gears substitutes swaying_bases unnamed_rest",
 )
 FINDING += of(
     "diagnosis/identifiability",

@@ -17,10 +17,12 @@ KINDS = {
     "": "a force that follows", "friction": "friction that follows", "damping": "damping that follows",
     "gain": "a motor's gain that follows", "push": "a push on what it carries that follows",
     "slide": "something loose in what it carries, whose slide follows",
+    "sway": "the sway of what it stands on, which follows",
 }  # fmt: skip
 FOLLOWED = {
     "time": "the time in the run", "contact": "whether anything touches",
     **{f"pull along {axis}": f"how it is pulled along its {axis}-axis" for axis in "xyz"},
+    **{f"push along {axis}": f"how the mechanism pushes itself off along the world's {axis}-axis" for axis in "xyz"},
 }  # fmt: skip
 POINTS = 60  # of the picture
 
@@ -61,6 +63,7 @@ def remainder(prepared: Prepared, found: Explanation, proof: Proof | None, brief
         kind, _, what = (left.follows or "").rpartition(" with ")
         what = f"{KINDS[kind]} {FOLLOWED.get(what, f'its {what}')}"
         place = rows[left.dof]["joint"]
+        what += f", most of all at {left.loudest}" if left.loudest else ""
         said.append(f"Left without a name at {place}: {what} ({left.share:.0%} of what was missing there).")
     if share > LOUD and (found.final.placed or unnamed):
         loud = f"{worst['left']:.2g} {worst['unit']}"

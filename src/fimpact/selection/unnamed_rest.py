@@ -21,6 +21,7 @@ from fimpact.selection.one_round import Trial, search
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Regression
 from fimpact.selection.substitutes import NOTHING, exchanges
+from fimpact.selection.swaying_bases import swaying
 from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.columns import columns
 from fimpact.smoothing.dynamics.laws import expected_sign, middle, predicted_commands, speed_doubt
@@ -30,19 +31,23 @@ from fimpact.smoothing.smoother import Smoothed
 FREE = mujoco.mjtJoint.mjJNT_FREE
 BESIDES = {"friction": ("speed",), "damping": ("speed", "load"), "gain": ("speed", "load")}  # forces of these already
 KNOTS = 12  # of a smooth function, from the least to the most of what it follows
+SWAY = "sway"
+AS_HEAVY = 1.0  # as the mechanism is what it stands on
 
 
 @dataclass(frozen=True)
 class Leftover:
     """What is left without a name. dof, follows: where, and what it follows there, None: nothing smooth. share: of the
-    squared force that was missing there. doubted: names (``effect@site``) that explain less than half of what such a
-    function does. instead: of names, how likely, beside the answer's 1 and at most that, they are wrong."""
+    squared force that was missing there; loudest: at which frequency, where it sways. doubted: names (``effect@site``)
+    that explain less than half of what such a function does. instead: of names, how likely, beside the answer's 1 and
+    at most that, they are wrong."""
 
     dof: int | None
     follows: str | None
     share: float
     doubted: tuple[str, ...]
     instead: dict[str, float] = field(default_factory=dict)
+    loudest: str = ""
 
 
 def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
@@ -52,7 +57,9 @@ def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
     regression = Regression(fit, columns(fit, tried))
     offered = [Option(own.name, 0, (i,)) for i, own in enumerate(tried)]
     best = next((t for t in search(regression, offered, missing, SHARE).tried if _shows(regression, t)), None)
-    others = exchanges(regression, offered, beside=())  # nothing but a name can be what is left beside a name
+    # Nothing but a name can be what is left beside a name, but for mounts, whose sway is at all joints at once.
+    mounts = [option for option in offered if option.name.startswith(SWAY)]
+    others = exchanges(regression, offered, mounts)
     worth = {e.places: -e.better for e in others if e.option.name == NOTHING}
     likelier = [e for e in others if e.option.name != NOTHING and e.sure and e.weight > UNLIKELY]
     # No named law is exact: it is doubted where it explains less than half of what a smooth function does.
@@ -64,7 +71,16 @@ def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
     if best is None:
         return Leftover(None, None, 0.0, doubted, instead)
     what, dof = best.option.name.split("@")
-    return Leftover(int(dof), what, best.share, doubted, instead)
+    return Leftover(int(dof), what, best.share, doubted, instead, _loudest(regression, best, int(dof)))
+
+
+def _loudest(regression: Regression, trial: Trial, dof: int) -> str:
+    """The frequency at which most of a sum of forces is, "" where it is no sum over frequencies."""
+    columns, first = regression.columns, regression.p
+    own = [(c, v) for c, v in zip(trial.estimate.kept, trial.estimate.values, strict=True) if c >= first]
+    sizes = [abs(v) * np.sqrt(np.mean(columns.forces[:, dof, 1 + c] ** 2)) for c, v in own]
+    member, weight = columns.owners[own[int(np.argmax(sizes))][0] - first]
+    return columns.candidates[member].effect.coefficients[weight].unit
 
 
 def _shows(regression: Regression, trial: Trial) -> bool:
@@ -73,8 +89,8 @@ def _shows(regression: Regression, trial: Trial) -> bool:
 
 def smooth_functions(fit: Smoothed) -> list[Candidate]:
     """Hat functions of all that may be followed: forces, alone or against the motion as friction and damping are, or
-    with the motor's as a gain is, and pushes on bodies; and what may slide in these. Nothing while a contact begins or
-    ends, where what is missing is what an impact within a sample leaves."""
+    with the motor's as a gain is, and pushes on bodies; what may slide in these, and mounts that may sway. Nothing
+    while a contact begins or ends, where what is missing is what an impact within a sample leaves."""
     states, doubt = fit.states, speed_doubt(fit.track, fit.states, fit.doubt)
     speed = middle(fit.track, states)[1]
     against, calm = -expected_sign(speed, doubt), 1.0 * (fit.levels.mode != CHANGE)
@@ -91,6 +107,8 @@ def smooth_functions(fit: Smoothed) -> list[Candidate]:
         found.append(_smooth(fit, body.dof, "push with time", fit.track.time, calm[:, None] * body.push))
         for axis, slides in sliding(fit.track, body, KNOTS):
             found.append(_weighted(body.dof, f"slide with pull along {axis}", calm[:, None, None] * slides, body.mass))
+    for dof, axis, sways, rates in swaying(fit, KNOTS):
+        found.append(_weighted(dof, f"{SWAY} with push along {axis}", calm[:, None, None] * sways, AS_HEAVY, rates))
     return [own for own in found if own]
 
 
@@ -138,17 +156,19 @@ def _smooth(fit: Smoothed, dof: int, what: str, values: np.ndarray, forces: Sequ
     return _weighted(dof, what, np.concatenate([rows[:, :, None] * force[:, None] for force in acting], 1), size)
 
 
-def _weighted(dof: int, what: str, rows: np.ndarray, size: float) -> Candidate:
-    """A sum of forces, (N, weights, nv), each about `size` times."""
+def _weighted(dof: int, what: str, rows: np.ndarray, size: float, rates: np.ndarray | None = None) -> Candidate:
+    """A sum of forces, (N, weights, nv), each about `size` times; rates: frequency of each, Hz."""
     names = tuple(f"w{i}" for i in range(rows.shape[1]))
+    coefficients = tuple(Coefficient(name, "") for name in names)
+    if rates is not None:
+        coefficients = tuple(Coefficient(name, f"{rate:.2g} Hz") for name, rate in zip(names, rates, strict=True))
 
     def law(state, site, **weights):
         return np.array([weights[name] for name in names]) @ rows
 
     none = dict.fromkeys(names, 0.0)
     effect = Effect(
-        what, "leftover", "", "", "", "force", tuple(Coefficient(name, "") for name in names), lambda *_: [],
-        lambda *_: [], law, none,
+        what, "leftover", "", "", "", "force", coefficients, lambda *_: [], lambda *_: [], law, none,
     )  # fmt: skip
     some = dict.fromkeys(names, size)
     return Candidate(effect, str(dof), {}, names, (size,) * len(names), (False,) * len(names), some, {}, some)
