@@ -13,9 +13,10 @@ from fimpact.effects.drives import motor_force
 from fimpact.effects.gears import coupled, encoders
 from fimpact.effects.law_inputs import State
 from fimpact.smoothing.dynamics import side_by_side
-from fimpact.smoothing.dynamics.laws import Driven, acts_of, force_of, reading_of
+from fimpact.smoothing.dynamics.laws import Driven, acts_of, force_of, read_by
 from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.side_by_side import longest_piece
+from fimpact.smoothing.dynamics.track import Step
 from fimpact.smoothing.prepare import prepare
 
 # Plain motors on rotors, a servo that saturates beside a motor, and a servo whose rotor the model does not know.
@@ -95,7 +96,9 @@ def test_side_by_side_is_one_by_one(second, most, monkeypatch):
     def alone(law):
         still = np.zeros((track.count, 4))
         gear = law.effect.enters == "gear"
-        return force_of(track, law, states, tau, doubt), reading_of(track, law, states, still) if gear else still
+        return force_of(track, law, states, tau, doubt), read_by(
+            track, law, states, Step(states, still)
+        ).readings if gear else still
 
     for law, (force, read) in zip(laws, acts_of(track, laws, states, tau, doubt), strict=True):
         expected, change = alone(law)
@@ -127,7 +130,9 @@ def test_a_gear_acts_as_in_a_simulation(second):
             read[:, np.isin(track.simulator.columns, own)] += lead[:, None]
         scale = max(1, np.abs(pull).max())
         np.testing.assert_allclose(force[:, dof], pull, atol=1e-10 * scale, err_msg=law.name)
-        np.testing.assert_allclose(reading_of(track, law, states, np.zeros_like(read)), read, atol=1e-10)
+        np.testing.assert_allclose(
+            read_by(track, law, states, Step(states, np.zeros_like(read))).readings, read, atol=1e-10
+        )
 
 
 def test_one_walk_for_all_gears_of_a_kind_and_one_for_the_rigid_one():
@@ -145,7 +150,7 @@ def test_one_walk_for_all_gears_of_a_kind_and_one_for_the_rigid_one():
     assert asked == [6 * pieces] * walk + [2 * pieces] * walk
     asked.clear()
     force_of(track, laws[0], states, tau, doubt)
-    reading_of(track, laws[0], states, np.zeros((track.count, 4)))
+    read_by(track, laws[0], states, Step(states, np.zeros((track.count, 4))))
     assert asked == [pieces] * walk
     force_of(track, laws[1], states, tau, doubt)
     force_of(track, laws[1], replace(states), tau, doubt)
@@ -167,5 +172,5 @@ def test_a_gear_is_driven_by_what_was_found_beside_it(beside, at):
     np.testing.assert_allclose(plant.force, told, atol=1e-12)
     naive = force_of(track, gear, states, tau, doubt, Driven(track.model, track.ctrl[:, 0]))
     assert np.abs(told - naive).max() > 1e-3
-    read = [reading_of(track, gear, states, still, 0.0, own) for own in (plant.driven, None)]
+    read = [read_by(track, gear, states, Step(states, still), 0.0, own).readings for own in (plant.driven, None)]
     assert np.abs(read[0] - read[1]).max() > 1e-3

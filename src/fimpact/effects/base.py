@@ -97,6 +97,7 @@ class Effect:
         commanded at most: for a law of commands that has no slope there.
     side_by_side: a law that remembers may be asked for several hypotheses at once: its values are (n,) each, and so is
         all that the `Shaft` of a gear holds, whatever its site; of each value, all are neutral or none is.
+    shifts_time: it reads at another time than the log says, perhaps between two samples.
     """
 
     name: str
@@ -122,6 +123,7 @@ class Effect:
     least: Callable[[Scales, mujoco.MjModel, str], Values] = lambda *_: {}
     scan: Callable[[float, float], np.ndarray] | None = None
     side_by_side: bool = False
+    shifts_time: bool = False
 
     def __post_init__(self):
         if self.prior is unstated:

@@ -91,6 +91,7 @@ class Signal:
     driven_by: the actuator that drives that joint, or -1. holding: whether each actuator holds a position; before the
     start of a run it is told the first one, any other nothing. since: (n, 1), s, where what is asked for begins if
     `time` reaches back further. noise: (n, T, nu), what of `ctrl` is noise of a log that no motor has felt, or None.
+    parts: of `time` that belong to one sample: what is read of forces may jump from the last of them to the next.
     """
 
     time: np.ndarray
@@ -103,6 +104,7 @@ class Signal:
     holding: tuple[bool, ...] = ()
     since: np.ndarray | None = None
     noise: np.ndarray | None = None
+    parts: int = 1
 
     @property
     def begin(self) -> np.ndarray:

@@ -109,7 +109,9 @@ class Rotors:
         inner.jnt_stiffness[second] = stiffness
         inner.dof_damping[behind] = stiffness * gear.values["retardation"]
 
-    def advance(self, outer, gears: Sequence[Placed], qpos, qvel, act, ctrl, force) -> tuple[np.ndarray, ...]:
+    def advance(
+        self, outer, gears: Sequence[Placed], qpos, qvel, act, ctrl, force, every=False
+    ) -> tuple[np.ndarray, ...]:
         """Advance n states by one sample, as `Simulator.advance` does.
 
         Args:
@@ -123,7 +125,7 @@ class Rotors:
         pushed[:, self.kept["dofs"]] = force
         pushed[:, self.behind["dofs"]] = force[:, self.own["dofs"]]  # what acts on the link moves both
         own = self.model(outer, gears)
-        qpos, qvel, after, read = self.simulator.advance(own, places, rates, act[:, : outer.na], ctrl, pushed)
+        qpos, qvel, after, read = self.simulator.advance(own, places, rates, act[:, : outer.na], ctrl, pushed, every)
         ends = [self._outer(*own) for own in ((qpos, "places"), (qvel, "dofs"))]
         turned = np.stack([ends[0][1], ends[1][1]], 2).reshape(len(act), -1)
         return ends[0][0], ends[1][0], np.concatenate([after, turned], 1), read

@@ -6,7 +6,7 @@ step for all of them.
 
 import copy
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -117,18 +117,19 @@ class Simulator:
 
     def _predict(self, hypothesis: Hypothesis, windows: Windows, qpos, qvel, act) -> np.ndarray:
         read = hypothesis.of_kind("measurement")
-        # What is read at another time is read between steps, not samples; but what may jump with a command, at samples.
-        every = 1 if read and not self.base.nu else self.substeps
+        # What is read at another time is read between steps, not samples.
+        every = 1 if any(placed.effect.shifts_time for placed in read) else self.substeps
         last, pieces = (windows.length - 1) * self.substeps + 1, self.substeps // every
         measured = self._sensors(hypothesis, windows, self._pack(qpos, qvel, act))[:, :last:every, self.columns]
         if read:
             signal = self.commands.signal(windows, measured.shape[1], self.recording.period / pieces)
+            signal = replace(signal, parts=pieces if self.base.nu else 1)  # forces jump when commands do
             for placed in read:
                 measured = placed.effect.law(measured, signal, placed.site, **placed.values)
         return measured[:, ::pieces]
 
     @DIVERGED
-    def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force) -> tuple[np.ndarray, ...]:
+    def advance(self, model: mujoco.MjModel, qpos, qvel, act, ctrl, force, every=False) -> tuple[np.ndarray, ...]:
         """Advance n independent states by one sample, or by as many steps as commands are given for, in one simulation.
 
         Args:
@@ -136,7 +137,8 @@ class Simulator:
                 sample, (n, nu), or of each of its steps, (n, steps, nu). force: generalised, N or N m: held, (n, nv).
 
         Returns:
-            qpos, qvel and act at the end of the sample, and the channels at its start, (n, ny).
+            qpos, qvel and act at the end of the sample, and the channels at its start, (n, ny), or where `every` is
+            asked for, at that of each step, (n, steps, ny).
         """
         n, nu, each = len(qpos), model.nu, np.ndim(ctrl) == 3
         steps = ctrl.shape[1] if each else round(self.recording.period / model.opt.timestep)
@@ -146,7 +148,7 @@ class Simulator:
         state, sensed = np.empty((n, steps, self._size)), np.empty((n, steps, model.nsensordata))
         with without_idle_solver(model), held_by_servos([model], self.recording.period):
             self._run([model] * n, self._pack(qpos, qvel, act), control, state, sensed)
-        return *self._unpack(state[:, -1].copy()), sensed[:, 0, self.columns]
+        return *self._unpack(state[:, -1].copy()), sensed[:, :, self.columns] if every else sensed[:, 0, self.columns]
 
     def _drive(self, hypothesis: Hypothesis, windows: Windows) -> Drive:
         signal = self.commands.signal(windows, windows.length * self.substeps)

@@ -22,15 +22,15 @@ from fimpact.smoothing.dynamics.laws import (
     expected_sign,
     middle,
     predicted_commands,
-    reading_of,
+    read_by,
     speed_doubt,
 )
-from fimpact.smoothing.dynamics.linear import Linear
+from fimpact.smoothing.dynamics.linear import Linear, inverse_of_push
 from fimpact.smoothing.dynamics.response import Change, Response
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.filter.by_run import swept
 from fimpact.smoothing.simulated_laws import Simulated
-from fimpact.smoothing.smoother import Smoothed, inverse_of_push
+from fimpact.smoothing.smoother import Smoothed
 
 ACTING = ("force", "friction", "gear")  # ways in which laws act along a motion, without a simulation
 SMALL = 1e-2  # share of its prior at which a linear effect is tried: in contact no tangent holds for all of it
@@ -187,9 +187,9 @@ class _Maker:
         return any(needed[m] > 1.1 * np.abs(after.actuator_forcerange[m]).max() for m in limited)
 
     def _measurement(self, placed: Placed) -> Change:
-        base = self.smoothed.linear.base.readings
-        read = reading_of(self.track, placed, self.smoothed.states, base, self.smoothed.surprise)
-        return replace(self.response.nothing(), readings=read - base)
+        base = self.smoothed.linear.base
+        read = read_by(self.track, placed, self.smoothed.states, base, self.smoothed.surprise)
+        return replace(self.response.nothing(), readings=read.readings - base.readings)
 
 
 def motion_scales(smoothed: Smoothed) -> Scales:

@@ -12,6 +12,7 @@ from fimpact.effects.wiring import component
 
 LATE = "buses and filters hold back by a few samples, at most some 50 ms"
 CHANNEL = "of the channel"  # in place of a unit: that of what the sensor measures
+INSTANT = 1e-9  # of a step: what is nearer is one moment
 IMU = "Tedaldi, Pretto, Menegatti, A robust and easy to implement method for IMU calibration, ICRA 2014"
 
 
@@ -72,8 +73,28 @@ def _read_at(measured, signal: Signal, site, wanted):
     out, kept = np.array(measured, float), measured_by(signal.channels, site)
     if signal.time.shape[1] > 1:
         period = signal.time[:, 1:2] - signal.time[:, :1]
-        out[:, :, kept] = interpolate(out[:, :, kept], (wanted - signal.time[:, :1]) / period)
+        place = (wanted - signal.time[:, :1]) / period
+        within = signal.parts > 1
+        out[:, :, kept] = (
+            _within(out[:, :, kept], place, signal.parts) if within else interpolate(out[:, :, kept], place)
+        )
     return out
+
+
+def _within(steps: np.ndarray, place: np.ndarray, parts: int) -> np.ndarray:
+    """Values, (n, T, k), of `steps` (n, T, k), of which `parts` are one sample, at fractional indices `place` (n, T).
+
+    By straight lines, none of which leads from one sample to the next: there a command jumps, and what it moves. Before
+    the first and beyond the last they rise as they do over a sample.
+    """
+    rows, last = np.arange(len(steps))[:, None], steps.shape[1] - 1
+    inside = np.clip(place, 0, last + 1)
+    index = np.minimum(np.floor(inside + INSTANT).astype(int), last)
+    at = np.minimum(index, np.minimum(index // parts * parts + parts - 2, last - 1))
+    found = steps[rows, at] + (inside - at)[..., None] * (steps[rows, at + 1] - steps[rows, at])
+    begun, ended = steps[:, min(parts, last)] - steps[:, 0], steps[:, -1] - steps[:, max(last - parts, 0)]
+    rise = np.where((place < 0)[..., None], begun[:, None], ended[:, None]) / min(parts, last)
+    return found + (place - inside)[..., None] * rise
 
 
 def interpolate(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -168,6 +189,7 @@ EFFECTS = (
         prior_source=LATE,
         order=SENSING,
         least=lambda scales, model, site: {"delay": typical.instant(scales)},
+        shifts_time=True,
     ),
     Effect(
         name="misalignment",
@@ -198,9 +220,10 @@ EFFECTS = (
         probes=lambda scales, model, site: [{"rate": 0.2 * scales.period / scales.duration}],
         law=clock_drift,
         neutral={"rate": 0.0},
-        prior=priors.fixed(rate=1e-3),
-        prior_source="quartz clocks are true to .01 %, clocks kept by software to .1 %",
+        prior=priors.fixed(rate=1e-2),
+        prior_source="quartz clocks are true to .01 %, software's to .1 %, stamps that count a loop's rounds to 1 %",
         order=SENSING,
         least=lambda scales, model, site: {"rate": typical.instant(scales) / scales.duration},
+        shifts_time=True,
     ),
 )

@@ -16,7 +16,7 @@ from fimpact.effects.law_inputs import State
 from fimpact.effects.wiring import ON_JOINT
 from fimpact.smoothing.dynamics.gear_laws import Driven, gear_of, gears_along
 from fimpact.smoothing.dynamics.side_by_side import groups_of, longest_piece, values_of
-from fimpact.smoothing.dynamics.track import Track
+from fimpact.smoothing.dynamics.track import Step, Track
 from fimpact.smoothing.states import States
 
 DRY = ("dof_frictionloss", "dof_solref", "dof_solimp")  # fields of dry friction
@@ -54,25 +54,32 @@ def force_of(
     return _forces(track, [placed], states, tau, doubt)[0]
 
 
-def reading_of(
-    track: Track, placed: Placed, states: States, readings: np.ndarray, surprise: np.ndarray | float = 0.0,
+def read_by(
+    track: Track, placed: Placed, states: States, found: Step, surprise: np.ndarray | float = 0.0,
     driven: Driven | None = None,
-) -> np.ndarray:  # fmt: skip
-    """Readings, (N, ny), as `placed` changes them.
+) -> Step:  # fmt: skip
+    """`found`, as `placed` changes its readings.
 
     Args:
         driven: as in `force_of`.
         surprise: (N, ny), what they hold beyond what readings before them foretold. A sensor of acceleration shows the
             missing force itself, so that its smoothed reading holds its own noise, which no law may be fitted to.
     """
+    within = found.readings[:, None] if found.within is None else found.within
     if placed.effect.enters == "gear":
-        return readings + gear_of(track, placed, states, driven)[1]
-    if placed.effect.enters != "measurement":
-        return readings
-    foretold = readings - surprise
-    padded = track.padded(foretold)
-    signal = track.simulator.commands.signal(track.windows, padded.shape[1], track.period)
-    return track.flat(placed.effect.law(padded, signal, placed.site, **placed.values)) + (readings - foretold)
+        within = within + gear_of(track, placed, states, driven)[1][:, None]
+    elif placed.effect.enters == "measurement":
+        parts, beyond = within.shape[1], np.zeros_like(found.readings) + surprise
+        padded = track.padded(within - beyond[:, None])
+        rows = padded.reshape(len(padded), -1, padded.shape[3])
+        signal = track.simulator.commands.signal(track.windows, rows.shape[1], track.period / parts)
+        if track.model.nu:  # forces jump when commands do
+            signal = replace(signal, parts=parts)
+        read = placed.effect.law(rows, signal, placed.site, **placed.values)
+        within = track.flat(read.reshape(padded.shape)) + beyond[:, None]
+    else:
+        return found
+    return replace(found, readings=within[:, 0], within=None if found.within is None else within)
 
 
 def acts_of(
@@ -81,7 +88,7 @@ def acts_of(
 ) -> list[tuple[np.ndarray, np.ndarray]]:  # fmt: skip
     """What each of `laws` alone adds along `states`: force, (N, nv), and change of the readings, (N, ny).
 
-    Of gears beside what the rigid gear does; zero where it is no such law (what only readings tell: `reading_of`).
+    Of gears beside what the rigid gear does; zero where it is no such law (what only readings tell: `read_by`).
 
     Args:
         tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). driven: what drives gears, default:

@@ -11,7 +11,7 @@ from fimpact.effects.base import Placed
 from fimpact.simulation.nonsmooth import stop_within_a_step
 from fimpact.smoothing.dynamics.dry_friction import Rubbing, rubbing
 from fimpact.smoothing.dynamics.gear_laws import Driven
-from fimpact.smoothing.dynamics.laws import DRY, force_of, reading_of
+from fimpact.smoothing.dynamics.laws import DRY, force_of, read_by
 from fimpact.smoothing.dynamics.rotor_states import turning
 from fimpact.smoothing.dynamics.sampled_commands import Commands
 from fimpact.smoothing.dynamics.track import Step, Track
@@ -73,11 +73,10 @@ class Plant:
     def step(self, states: States, tau: np.ndarray) -> Step:
         """One sample ahead of each state with the missing force `tau` (N, nv)."""
         found = self.unread(states, tau)
-        readings = found.readings
         for law in self.placed:
             if law not in self.rotors:
-                readings = reading_of(self.track, law, self.around, readings, self.surprise, self.driven)
-        return Step(found.after, readings)
+                found = read_by(self.track, law, self.around, found, self.surprise, self.driven)
+        return found
 
     def unread(self, states: States, tau: np.ndarray) -> Step:
         """The same as it is, whatever sensors make of it."""
@@ -98,7 +97,7 @@ def plant_of(
 
     Args:
         tau: missing force, (N, nv). doubt: sd of the speeds, (N, nv). sign: of the speeds for dry friction, where it is
-            known already. surprise: as in `laws.reading_of`.
+            known already. surprise: as in `laws.read_by`.
     """
     model = track.model_of(placed, theta)
     dry = _taken_dry(track, model)

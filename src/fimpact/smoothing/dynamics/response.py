@@ -10,7 +10,7 @@ import numpy as np
 from fimpact.effects.wiring import ON_JOINT
 from fimpact.simulation.servo_steps import is_long
 from fimpact.smoothing.dynamics.inverse import EDITED, RESTING, Inverse, edits
-from fimpact.smoothing.dynamics.laws import reading_of
+from fimpact.smoothing.dynamics.laws import read_by
 from fimpact.smoothing.dynamics.plant import Plant
 from fimpact.smoothing.dynamics.sampled_commands import Commands
 from fimpact.smoothing.dynamics.track import Step
@@ -99,7 +99,11 @@ class Response:
             spread: sd of the missing force, (nv,), to both sides of which its derivative is taken; None: it is the
                 tangent.
         """
-        track, space, plant, near = self.track, self.track.space, self.plant, self.near
+        track, space, near = self.track, self.track.space, self.near
+        # What is read at another time moves with the state then, which is nearer to a sample's own than to that before.
+        plant = replace(self.plant, placed=tuple(law for law in self.plant.placed if not law.effect.shifts_time))
+        if len(plant.placed) < len(self.plant.placed):
+            near = plant.step(self.states, self.tau)
         n, nv = self.states.size, track.model.nv
         advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))
         tiny = 1e-4 * np.maximum(track.model.dof_M0, 1e-9) / track.period
@@ -164,13 +168,13 @@ class Response:
         laws, own = plant.placed, self.plant.placed
         if laws == own or not any(p.effect.enters in ("measurement", "gear") for p in (*laws, *own)):
             return self.nothing().readings
-        raw, ends = self._raw.readings, []
+        ends = []
         for beside in (plant, self.plant):
-            readings = raw
+            found = self._raw
             for law in beside.placed:
                 if law not in beside.rotors:
-                    readings = reading_of(self.track, law, self.states, readings, plant.surprise, beside.driven)
-            ends.append(readings)
+                    found = read_by(self.track, law, self.states, found, plant.surprise, beside.driven)
+            ends.append(found.readings)
         return ends[0] - ends[1]
 
     @cached_property

@@ -28,10 +28,12 @@ ACCELERATION = int(mujoco.mjtStage.mjSTAGE_ACC)
 
 @dataclass(frozen=True)
 class Step:
-    """What one sample leads to: the states after it, and the readings (N, ny) at its start."""
+    """What one sample leads to: the states after it, and the readings (N, ny) at its start; within: at the start of
+    each of its steps, (N, steps, ny), where sensors show what happens within a sample."""
 
     after: States
     readings: np.ndarray
+    within: np.ndarray | None = None
 
 
 class Track:
@@ -156,7 +158,7 @@ class Track:
         if len(ends) == 1:
             return ends[0]
         after = self.space.plus(ends[1].after, self.space.minus(ends[1].after, ends[0].after))
-        return Step(after, ends[0].readings)
+        return replace(ends[0], after=after)
 
     def touching(self, states: States, model: mujoco.MjModel | None = None) -> np.ndarray:
         """Whether anything touches in each state, (N,), under `model`, default: the track's own."""
@@ -178,13 +180,17 @@ class Track:
         return self.steps / (self.count * self.simulator.substeps)
 
     def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force, least: int, gears) -> Step:
-        first, advance = None, self._advancing(tuple(gear.site for gear in gears))
+        read, every = [], bool(self.late.any())
+        advance = self._advancing(tuple(gear.site for gear in gears))
         for leg, given in ctrl.legs(model, self.period, least):
-            *after, readings = advance(leg, gears, states.qpos, states.qvel, states.act, given, force)
+            *after, readings = advance(leg, gears, states.qpos, states.qvel, states.act, given, force, every)
             self.steps += (given.shape[1] if given.ndim == 3 else round(self.period / leg.opt.timestep)) * len(states)
-            states, first = States(*after), readings if first is None else first
-        assert first is not None  # a period has at least one leg
-        return Step(states, first)
+            read.append(readings)
+            states = States(*after)
+        if not every:
+            return Step(states, read[0])
+        even = len(read) == 1 and read[0].shape[1] > 1  # legs between jumps of commands are not
+        return Step(states, read[0][:, 0], read[0] if even else None)
 
     def _advancing(self, sites: tuple[str, ...]) -> Callable:
         if not sites:
