@@ -98,9 +98,19 @@ def _set_inertia(model, body: int, full: np.ndarray) -> None:
 
 
 def _payload_probes(scales, model, site):
-    centre = np.linalg.norm(model.body(site).ipos)
-    far = 2 * float(centre) if centre > 1e-6 else scales.length / 4
+    far = _end(scales, model, site)
     return [{"mass": typical.SMALL * scales.mass, "place": place} for place in (far / 2, far)]
+
+
+def _end(scales, model, site) -> float:
+    """How far a body reaches, as if it were a rod."""
+    centre = np.linalg.norm(model.body(site).ipos)
+    return 2 * float(centre) if centre > 1e-6 else scales.length / 4
+
+
+def _carried(scales, model, site):
+    """From where the body begins to half as far again as it reaches, where a tool holds what it holds."""
+    return {"place": (0.0, 1.5 * _end(scales, model, site))}
 
 
 def _com_probes(scales, model, site):
@@ -160,6 +170,7 @@ EFFECTS = (
         law=payload,
         neutral={"mass": 0.0, "place": 0.0},
         export=exporting(payload),
+        ranges=_carried,
         prior=priors.extra_mass,
         prior_source="tools, batteries and looms weigh up to as much as the link that carries them",
         order=RIGID_BODIES,
