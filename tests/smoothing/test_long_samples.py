@@ -12,7 +12,7 @@ from fimpact.deciding import REFINES, SHARE
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording
-from fimpact.selection import pruning
+from fimpact.selection import pruning, servo_drives
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import search
 from fimpact.selection.options import Option
@@ -23,12 +23,13 @@ from fimpact.selection.substitutes import Alternative
 from fimpact.simulation.state_guess import believed_noise, noise_level
 from fimpact.smoothing.candidates import candidates
 from fimpact.smoothing.columns import columns, motion_scales, units
+from fimpact.smoothing.dynamics.linear import inverse_of_push
 from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.response import Response
 from fimpact.smoothing.prepare import Prepared, prepare
 from fimpact.smoothing.servo_lag import lateness
 from fimpact.smoothing.simulated_laws import Simulated
-from fimpact.smoothing.smoother import Smoothed, inverse_of_push, smooth
+from fimpact.smoothing.smoother import Smoothed, smooth
 
 PERIOD = 0.02
 XML = """<mujoco><option timestep="0.002"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
@@ -175,11 +176,35 @@ def test_parts_of_a_drive_are_judged_beside_one_another(monkeypatch):
     assert search.parts >= {law.name for law in search.current.placed} >= {"viscous@pivot"}
     monkeypatch.setattr(pruning, "bears", lambda regression, place, *bar: asked.update({place: bar}) or True)
     pruned(search, search.current)
-    assert {floor for _, floor, _ in asked.values()} == {REFINES}
-    assert all(missing < search.missing.sum() for missing, *_ in asked.values())
+    assert {floor for _, floor in asked.values()} == {REFINES}
+    assert all(missing < search.missing.sum() for missing, _ in asked.values())
     search.parts = set()
     pruned(search, search.current)
-    assert {floor for _, floor, _ in asked.values()} == {SHARE}
+    assert {floor for _, floor in asked.values()} == {SHARE}
+
+
+@pytest.mark.parametrize("shares", [True, False])
+def test_what_a_refit_needs_stays_however_badly_its_size_is_known(monkeypatch, shares):
+    """But not where it bears no share of what is missing."""
+    heavy = followed(kp=30.0)
+    light = heavy.xml.replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(heavy, xml=light))
+    law = next(c for c in search.candidates if c.name == "viscous@pivot")
+    made = smooth(search.track, search.begun, search.noise, [law.placed([0.2])], [law.priors], search.naive)
+    monkeypatch.setattr(pruning, "chance_of", lambda *given: 1.0)
+    monkeypatch.setattr(pruning, "share_of", lambda *given: float(shares))
+    assert bool(pruned(search, made).placed) == shares
+
+
+def test_a_better_optimum_of_the_naive_model_is_where_a_search_begins(monkeypatch):
+    """A leg's first fit may end in one of its own; what is likelier than that alone is no name."""
+    heavy = followed(kp=30.0)
+    search = search_of(replace(heavy, xml=heavy.xml.replace('damping="0.3"', 'damping="0.03"')))
+    better = replace(search.naive, fit=search.naive.fit - 10.0, tau=0.5 * search.naive.tau)
+    monkeypatch.setattr(servo_drives, "pruned", lambda *given, **known: better)
+    drive(search)
+    assert search.naive is search.current is better
+    np.testing.assert_array_equal(search.missing, better.tau**2)
 
 
 @pytest.mark.parametrize(("chance", "first", "last"), [(0.1, 0, 0), (0.02, 3, 0), (1e-4, 3, 3)])
@@ -187,6 +212,7 @@ def test_parts_that_may_be_hidden_stay_until_all_is_found(monkeypatch, chance, f
     """By their chance where there is nothing of them: alone, and in the end over all that is in."""
     monkeypatch.setattr(pruning, "chance_of", lambda *given: chance)
     monkeypatch.setattr(pruning, "share_of", lambda *given: 1.0)
+    monkeypatch.setattr(pruning, "smooth", lambda *given, **known: replace(smooth(*given, **known), fit=-1e9))
     heavy = followed(kp=30.0)
     light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
     search = search_of(replace(heavy, xml=light))

@@ -24,7 +24,7 @@ from fimpact.smoothing.columns import columns, motion_scales, units
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.parameters import placed_of, theta_of
 from fimpact.smoothing.simulated_laws import Simulated
-from fimpact.smoothing.smoother import Smoothed, smooth
+from fimpact.smoothing.smoother import RUNS_AWAY, Smoothed, smooth
 from fimpact.smoothing.states import States
 from fimpact.smoothing.time_step import settled
 
@@ -38,17 +38,8 @@ class Search:
         self, track: Track, begun: States, noise: np.ndarray, effects: Sequence[Effect], progress: Callable,
         naive: Smoothed | None = None,
     ):  # fmt: skip
-        self.track, self.begun, self.noise, self.progress = track, begun, noise, progress
-        self.naive = self.current = naive or smooth(track, begun, noise, progress=progress)
-        if not np.isfinite(self.naive.chi2) or not np.isfinite(self.naive.tau).all():
-            raise ValueError(
-                "The model runs away within one sample of the recording: its states there are no states of the model. "
-                "Measure the joints that close a loop, or give the model a start that keeps its constraints."
-            )
-        self.scales = motion_scales(self.naive)
-        self.listed = candidates(effects, track, self.scales)
-        self.candidates = [*self.listed, *scanned(self.naive, self.listed)]
-        self.missing = self.naive.tau**2  # (N, nv)
+        self.track, self.begun, self.noise, self.effects, self.progress = track, begun, noise, effects, progress
+        self.begins_at(naive or smooth(track, begun, noise, progress=progress))
         self.rounds: list[Round] = []
         self.alternatives: list[Alternative] = []
         self.dropped, self.failed = set[str](), set[str]()
@@ -59,11 +50,21 @@ class Search:
         self.softened: set[tuple[str, frozenset[str]]] = set()  # joints whose gears were refitted, for what is there
         self.unfitted: list[tuple[Trial, tuple[Placed, ...]]] = []  # qualified, and no fit with it has settled
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
+        self._simulated = Simulated()
+        self.hint = 1.0  # chance of the strongest hint of the first round
+
+    def begins_at(self, naive: Smoothed) -> None:
+        """Take `naive` for the fit of the naive model: what may be missing beside it is asked from there."""
+        if not np.isfinite(naive.chi2) or not np.isfinite(naive.tau).all():
+            raise ValueError(RUNS_AWAY)
+        self.naive = self.current = naive
+        self.scales = motion_scales(naive)
+        self.listed = candidates(self.effects, self.track, self.scales)
+        self.candidates = [*self.listed, *scanned(naive, self.listed)]
+        self.missing = naive.tau**2  # (N, nv)
         self.first: tuple[Regression, Round] | None = None
         self.asked: Regression | None = None
-        self._simulated = Simulated()
-        self._settled: Smoothed | None = self.naive
-        self.hint = 1.0  # chance of the strongest hint of the first round
+        self._settled: Smoothed | None = naive
 
     @property
     def spent(self) -> float:

@@ -16,7 +16,7 @@ from fimpact.deciding import P_ALARM, REFINES, TIED, UNLIKELY
 from fimpact.effects.sites import measured_by
 from fimpact.selection.options import Option
 from fimpact.selection.regression import Estimate, Regression, chance, inverse, least
-from fimpact.smoothing.smoother import inverse_of_push
+from fimpact.smoothing.dynamics.linear import inverse_of_push
 
 
 @dataclass(frozen=True)

@@ -27,23 +27,31 @@ def pruned(search, fit: Smoothed, floor: float = SHARE, drive: bool = False, sta
     """
     small = floor == REFINES
     before = {*stays, *(law.name for law in search.current.placed if small)}
-    alone = 2 * stats.norm.sf(BELIEF)
+    alone, needed = 2 * stats.norm.sf(BELIEF), set[str]()
     while fit.converged:
         regression = Regression(fit, columns(fit, []))
         parts = [i for i, law in enumerate(fit.placed) if law.name in search.parts and not small]
         # What a drive's parts bear is counted beside one another: one of them may take nearly all that was missing.
         bars = {i: (search.whole(fit, REFINES, fit), REFINES) for i in parts}
         missing = search.whole(fit, floor)
-        kept = [
+        bearing = [
             i for i, law in enumerate(fit.placed)
-            if law.name in before
-            or bears(regression, i, *bars.get(i, (missing, floor)), alone if drive else P_ALARM / len(fit.placed))
+            if law.name in before or bears(regression, i, *bars.get(i, (missing, floor)))
         ]  # fmt: skip
+        level = alone if drive else P_ALARM / max(len(fit.placed), 1)
+        kept = [i for i in bearing if fit.placed[i].name in before | needed or is_sure(regression, i, level)]
         if len(kept) == len(fit.placed):
             return fit
-        search.weak |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
         placed, priors = tuple(fit.placed[i] for i in kept), tuple(fit.priors[i] for i in kept)
-        fit = smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress)
+        without = smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress)
+        spread, doubted = regression.dispersion, [i for i in bearing if i not in kept]
+        # The sd of a size tells little where another number may take its place: a refit without it does.
+        if doubted and without.converged and without.loss(spread) - fit.loss(spread) > -np.log(P_ALARM):
+            surest = min(doubted, key=lambda i: chance_of(regression, _away(regression, i)))
+            needed.add(fit.placed[surest].name)
+            continue
+        search.weak |= {law.name for i, law in enumerate(fit.placed) if i not in kept}
+        fit = without
     return fit
 
 
@@ -78,12 +86,20 @@ def simplified(search) -> Smoothed:
     return fit
 
 
-def bears(regression: Regression, place: int, missing: np.ndarray, floor: float, chance: float) -> bool:
+def bears(regression: Regression, place: int, missing: np.ndarray, floor: float) -> bool:
     """Tell whether the effect number `place` bears its share `floor` of what is `missing`, squared, (contact modes,
-    nv), and is less likely than `chance` to be none."""
+    nv)."""
+    steps = _away(regression, place)
+    return any(share_of(regression, i, step, missing) > floor / 2 for i, step in steps.items())
+
+
+def is_sure(regression: Regression, place: int, chance: float) -> bool:
+    """Tell whether the effect number `place` is less likely than `chance` to be none."""
+    return chance_of(regression, _away(regression, place)) < chance
+
+
+def _away(regression: Regression, place: int) -> dict[int, float]:
+    """Steps of the coordinates of an effect that take it away."""
     fit = regression.smoothed
     own = [(i, n) for i, n in enumerate(fit.numbers) if n.place == place and not is_shape(fit.placed[place], n.name)]
-    steps = {i: -1.0 if n.log else -n.value for i, n in own}
-    if not steps or chance_of(regression, steps) >= chance:
-        return False
-    return any(share_of(regression, i, step, missing) > floor / 2 for i, step in steps.items())
+    return {i: -1.0 if n.log else -n.value for i, n in own}

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.deciding import LOUD, UNLIKELY
+from fimpact.deciding import LOUD, TIED, UNLIKELY
 from fimpact.effects import typical
 from fimpact.effects.classes import DRIVE
 from fimpact.effects.sites import driven
@@ -95,6 +95,8 @@ def drive(search) -> None:
     else:
         search.weak.clear()
         search.parts.clear()
+        if best.converged and not best.placed and best.loss() < search.naive.loss() - TIED:
+            search.begins_at(best)  # on the way a better optimum was found for the naive model itself
     search.track.steps = steps  # no other question goes unasked because this one came first
 
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fimpact.deciding import LOUDER, NOTHING, ROUNDS, STILL, TIED, TRUST
+from fimpact.deciding import LOUDER, ROUNDS, STILL, TIED, TRUST
 from fimpact.effects.base import Placed
-from fimpact.smoothing.dynamics.linear import Linear, linearise
+from fimpact.smoothing.dynamics.linear import Linear, linearise, missing_at_first
 from fimpact.smoothing.dynamics.response import heavier
 from fimpact.smoothing.dynamics.rotor_states import with_rotors
 from fimpact.smoothing.dynamics.track import Track
@@ -28,6 +28,10 @@ from fimpact.smoothing.stretches import stretches
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
 FAR = 4.0  # sd of a number, or logarithms of a noise level, that count as much as a reading's noise
 SHRINKS = 0.7  # of the last step: a next one that is longer does not converge by itself
+RUNS_AWAY = (
+    "The model runs away within one sample of the recording: its states there are no states of the model. "
+    "Measure the joints that close a loop, or give the model a start that keeps its constraints."
+)
 ROUNDS_ABOVE_BAR = 2  # rounds in a row that fit worse than a fit has to, and fall too slowly to get there
 
 
@@ -36,7 +40,7 @@ class Smoothed:
     """A trajectory, the force that the model lacks along it, and the numbers estimated with them.
 
     tau: missing force, (N, nv), its posterior mean; doubt: posterior sd of the speeds, (N, nv). surprise: (N, ny), as
-    in `laws.reading_of`. information: (p, p) of the coordinates of `numbers`, with their prior. dispersion: by how much
+    in `laws.read_by`. information: (p, p) of the coordinates of `numbers`, with their prior. dispersion: by how much
     the data count less than white noise would. chi2: of `count` innovations; fit, cost: minus the logarithms of
     likelihood and of prior by posterior. still: how far the last step moved a reading, in sd.
     """
@@ -119,13 +123,14 @@ def smooth(
     pace, converged, k, change = Pace(), False, 0, np.inf
     least, lost = np.inf, 0  # of the rounds so far, and rounds since that fit worse than it
     before, above_bar = np.inf, 0  # of the round before, and rounds in a row that are too slow to get below `bar`
+    held, feigned = False, 0.0  # whether signs are, and how much worse a fit has looked since
     best: tuple[States, np.ndarray, np.ndarray, Levels, list[Parameter]] | None = None
     least_move, before_divergence = np.inf, best
     for k in range(rounds + len(anneal)):
-        rough = k < len(anneal)
+        rough, newly, held = k < len(anneal), sign is not None and not held, sign is not None
         linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
         if levels is None:
-            tau = _inverse(track, linear)
+            tau = missing_at_first(track, linear)
             levels = first_levels(track, states, tau, noise)
             linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None, sign, rough, now=levels)
         loud = anneal[k] if k < len(anneal) else 1.0
@@ -171,13 +176,15 @@ def smooth(
             tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
         levels = in_modes(track, states, levels)
         # Anew once, then only more: a speed about the bound of its doubt would go to and fro, and levels with it.
-        held, rested = resting(track, states, doubt, linear.plant.rubbing, levels).rests, levels.rests
-        levels = replace(levels, rests=held if k == 0 else held | rested)
-        converged &= k > 0 or np.array_equal(held, rested)  # else levels are those of other samples
+        rests, rested = resting(track, states, doubt, linear.plant.rubbing, levels).rests, levels.rests
+        levels = replace(levels, rests=rests if k == 0 else rests | rested)
+        converged &= k > 0 or np.array_equal(rests, rested)  # else levels are those of other samples
         if converged:
             break
-        slow = k > len(anneal) and now - bar > (rounds + len(anneal) - 1 - k) * max(before - now, 0.0)
-        slow &= sign is None  # at held signs it looks worse than it is
+        # A fit that settles takes steps that shrink; one that travels may take as many more as there are.
+        more = rounds + len(anneal) - 1 - k if travels else 1 / (1 - SHRINKS)
+        feigned = max(now - before, 0.0) if newly else feigned
+        slow = k > len(anneal) and now - feigned - bar > more * max(before - now, 0.0)
         before, above_bar = now, above_bar + 1 if slow else 0
         if above_bar == ROUNDS_ABOVE_BAR:
             break
@@ -221,28 +228,3 @@ def _linear(track, numbers, fixed, placed, states, tau, doubt, like, sign, rough
     spread = np.sqrt((now.forces**2).mean(0)) if now and track.long else None
     placed = placed_of(fixed, placed)
     return linearise(track, numbers, placed, states, tau, doubt, theta_of(fixed), like, sign, rough, surprise, spread)
-
-
-def _inverse(track: Track, linear: Linear) -> np.ndarray:
-    """The force, (N, nv), that takes each sample's state to the next's.
-
-    Positions count beside speeds: under a stiff servo a held force moves a joint, and its speed has died away.
-    """
-    tau = np.einsum("kji,ki->kj", inverse_of_push(track, linear), -linear.offsets[:, : 2 * track.model.nv, 0])
-    tau[track.last] = 0.0
-    return tau
-
-
-def inverse_of_push(track: Track, linear: Linear, sticks: bool = True) -> np.ndarray:
-    """The force that a change of the next sample's positions and speeds would take, (N, nv, 2 nv).
-
-    Args:
-        sticks: under stiff servos none where a joint sticks, which no force of that size moves; False: whatever would.
-    """
-    nv = track.model.nv
-    scale = np.repeat([1.0, track.period], nv)
-    push = linear.advance[:, : 2 * nv, linear.advance.shape[1] :] * scale[:, None]
-    if track.long and sticks:
-        moved = np.linalg.norm(push, axis=1)
-        push[np.broadcast_to((moved < NOTHING * np.median(moved, 0))[:, None], push.shape)] = 0.0
-    return np.linalg.pinv(push, rcond=1e-9) * scale

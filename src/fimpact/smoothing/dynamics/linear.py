@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fimpact.deciding import NOTHING
 from fimpact.effects.base import Placed
 from fimpact.smoothing.dynamics.plant import Plant, plant_of
 from fimpact.smoothing.dynamics.response import Change, Response, Slopes
@@ -61,7 +62,7 @@ def linearise(
         numbers: what is estimated. theta: values of the unknowns where they are not among the numbers.
         like: the same along a trajectory so near that its derivatives hold, unless the model itself has changed.
         sign: of the speeds for dry friction, where it is known already. rough: the error of the time step counts
-            little. surprise: as in `laws.reading_of`. spread: as in `Response.slopes`.
+            little. surprise: as in `laws.read_by`. spread: as in `Response.slopes`.
     """
     placed = placed_of(numbers, placed)
     theta = theta_of(numbers) if theta is None else theta
@@ -80,6 +81,31 @@ def linearise(
     first, spread = _starts(plant, states)
     rubbed, advance, reads = _rubbed(plant, slopes)
     return Linear(plant, base, response, slopes, changes, advance, reads, rubbed @ offsets, left, first, spread, rubbed)
+
+
+def missing_at_first(track: Track, linear: Linear) -> np.ndarray:
+    """The force, (N, nv), that takes each sample's state to the next's.
+
+    Positions count beside speeds: under a stiff servo a held force moves a joint, and its speed has died away.
+    """
+    tau = np.einsum("kji,ki->kj", inverse_of_push(track, linear), -linear.offsets[:, : 2 * track.model.nv, 0])
+    tau[track.last] = 0.0
+    return tau
+
+
+def inverse_of_push(track: Track, linear: Linear, sticks: bool = True) -> np.ndarray:
+    """The force that a change of the next sample's positions and speeds would take, (N, nv, 2 nv).
+
+    Args:
+        sticks: under stiff servos none where a joint sticks, which no force of that size moves; False: whatever would.
+    """
+    nv = track.model.nv
+    scale = np.repeat([1.0, track.period], nv)
+    push = linear.advance[:, : 2 * nv, linear.advance.shape[1] :] * scale[:, None]
+    if track.long and sticks:
+        moved = np.linalg.norm(push, axis=1)
+        push[np.broadcast_to((moved < NOTHING * np.median(moved, 0))[:, None], push.shape)] = 0.0
+    return np.linalg.pinv(push, rcond=1e-9) * scale
 
 
 def _ahead(slopes: Slopes, change: Change) -> np.ndarray:
