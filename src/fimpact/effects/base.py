@@ -30,7 +30,7 @@ Values = dict[str, float]
 @dataclass(frozen=True)
 class Coefficient:
     """A parameter of an effect: unit and bounds; `shape` parameters have no meaning where the amplitude is zero; sd: of
-    what instruments of the kind are off by, where anybody knows."""
+    what instruments of the kind are off by, where anybody knows; even: as likely anywhere in its range at a site."""
 
     name: str
     unit: str
@@ -38,6 +38,7 @@ class Coefficient:
     high: float = np.inf
     shape: bool = False
     sd: float = np.inf
+    even: bool = False
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ def pruned(search, fit: Smoothed, floor: float = SHARE, drive: bool = False, sta
     """
     small = floor == REFINES
     before = {*stays, *(law.name for law in search.current.placed if small)}
-    alone, needed = 2 * stats.norm.sf(BELIEF), set[str]()
+    alone, needed, by_chance = 2 * stats.norm.sf(BELIEF), set[str](), np.log(len(search.candidates) / P_ALARM)
     while fit.converged:
         regression = Regression(fit, columns(fit, []))
         parts = [i for i, law in enumerate(fit.placed) if law.name in search.parts and not small]
@@ -46,7 +46,7 @@ def pruned(search, fit: Smoothed, floor: float = SHARE, drive: bool = False, sta
         without = smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress)
         spread, doubted = regression.dispersion, [i for i in bearing if i not in kept]
         # The sd of a size tells little where another number may take its place: a refit without it does.
-        if doubted and without.converged and without.loss(spread) - fit.loss(spread) > -np.log(P_ALARM):
+        if doubted and without.converged and without.loss(spread) - fit.loss(spread) > by_chance:
             surest = min(doubted, key=lambda i: chance_of(regression, _away(regression, i)))
             needed.add(fit.placed[surest].name)
             continue

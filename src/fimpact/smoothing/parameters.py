@@ -125,7 +125,7 @@ def _coefficient(law: Placed, c, place: int, prior: dict[str, float]) -> Paramet
         low = min(TINY * prior[c.name], value)  # in logarithms nothing is infinitely far away
     size = max(abs(value), 0.1 * prior.get(c.name, 0.0)) or law.sizes.get(c.name) or 1e-3
     mean, sd = (value, np.inf) if c.shape else (neutral, prior.get(c.name, np.inf))
-    if c.shape and c.name in law.ranges and np.isfinite(high - low):  # anywhere there, as likely
+    if c.even and np.isfinite(high - low):
         mean, sd = (low + high) / 2, (high - low) / np.sqrt(12)
     if not np.isfinite(neutral):  # nothing is infinitely much: of its order, as such parts have it
         log, mean, sd = value > 0, prior.get(c.name, value), prior.get(c.name, np.inf)

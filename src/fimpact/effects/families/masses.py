@@ -164,7 +164,7 @@ EFFECTS = (
         sentence="The link carries a mass that the model does not have: a tool, a battery, a cable loom.",
         reference=INERTIAL,
         enters="model",
-        coefficients=(Coefficient("mass", "kg", low=0.0), Coefficient("place", "m", shape=True)),
+        coefficients=(Coefficient("mass", "kg", low=0.0), Coefficient("place", "m", shape=True, even=True)),
         sites=sites.bodies,
         probes=_payload_probes,
         law=payload,
