@@ -18,7 +18,7 @@ from fimpact.selection.one_round import search
 from fimpact.selection.options import Option
 from fimpact.selection.pruning import pruned, without_doubtful_parts
 from fimpact.selection.regression import Regression
-from fimpact.selection.servo_drives import align, drive, far
+from fimpact.selection.servo_drives import align, drive, far, restored
 from fimpact.selection.substitutes import Alternative
 from fimpact.simulation.state_guess import believed_noise, noise_level
 from fimpact.smoothing.candidates import candidates
@@ -142,9 +142,9 @@ def test_firmware_holds_an_arm_and_does_not_load_it():
     assert found.positive == (True,)
 
 
-def search_of(recording: Recording) -> Search:
+def search_of(recording: Recording, *more: str) -> Search:
     made = prepare(recording)
-    effects = [EFFECTS[name] for name in ("coulomb", "viscous", "rotor_inertia", "payload")]
+    effects = [EFFECTS[name] for name in ("coulomb", "viscous", "rotor_inertia", "payload", *more)]
     return Search(made.track, made.begun, made.noise, effects, lambda line: None)
 
 
@@ -194,6 +194,24 @@ def test_what_a_refit_needs_stays_however_badly_its_size_is_known(monkeypatch, s
     monkeypatch.setattr(pruning, "chance_of", lambda *given: 1.0)
     monkeypatch.setattr(pruning, "share_of", lambda *given: float(shares))
     assert bool(pruned(search, made).placed) == shares
+
+
+@pytest.mark.parametrize("drives", [True, False])
+def test_what_a_drive_lost_to_a_gain_is_asked_again_in_its_place(drives):
+    """Friction has gone while something else was missing, and a softer servo has come for it; False: it was never in."""
+    heavy = followed(kp=30.0)
+    light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
+    search = search_of(replace(heavy, xml=light), "servo_kp")
+    drive(search)
+    whole = {law.name for law in search.current.placed}
+    known = {c.name: c for c in search.candidates}
+    own = [known["rotor_inertia@pivot"], known["servo_kp@servo"]]
+    placed, priors = [own[0].placed([0.02]), own[1].placed([-0.2])], [c.priors for c in own]
+    search.current = smooth(search.track, search.begun, search.noise, placed, priors, search.naive)
+    search.parts = search.parts if drives else set()
+    assert "viscous@pivot" in whole and restored(search) == drives
+    assert ({law.name for law in search.current.placed} == whole) == drives
+    assert not restored(search)
 
 
 def test_a_better_optimum_of_the_naive_model_is_where_a_search_begins(monkeypatch):

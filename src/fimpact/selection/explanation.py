@@ -13,7 +13,7 @@ from fimpact.selection.pruning import simplified, without_doubtful_parts
 from fimpact.selection.regression import Regression
 from fimpact.selection.rivals import unsettled
 from fimpact.selection.search_scope import Limits
-from fimpact.selection.servo_drives import align, drive
+from fimpact.selection.servo_drives import align, drive, restored
 from fimpact.selection.soft_gears import softened
 from fimpact.selection.substitutes import Alternative
 from fimpact.selection.unnamed_rest import Leftover, leftover
@@ -65,7 +65,7 @@ def explain(
         while going:
             while state.asks() and state.round():
                 pass
-            going = not state.stopped and softened(state)
+            going = not state.stopped and (restored(state) or softened(state))
         before, state.current = state.current, without_doubtful_parts(state)
         if state.current is before:
             break

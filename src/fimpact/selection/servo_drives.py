@@ -13,9 +13,12 @@ from fimpact.effects import typical
 from fimpact.effects.classes import DRIVE
 from fimpact.effects.sites import driven
 from fimpact.selection.one_round import Trial
+from fimpact.selection.options import joint_at
 from fimpact.selection.pruning import pruned
 from fimpact.selection.refit_start import at_typical_sizes, in_midst
 from fimpact.selection.regression import Regression
+from fimpact.selection.rivals import standing_alone
+from fimpact.selection.soft_gears import refitted_with
 from fimpact.selection.substitutes import Alternative
 from fimpact.smoothing.servo_lag import LATE, Way
 from fimpact.smoothing.smoother import Smoothed, smooth
@@ -98,6 +101,29 @@ def drive(search) -> None:
         if best.converged and not best.placed and best.loss() < search.naive.loss() - TIED:
             search.begins_at(best)  # on the way a better optimum was found for the naive model itself
     search.track.steps = steps  # no other question goes unasked because this one came first
+
+
+def restored(search) -> bool:
+    """Put what a drive lost at a joint in the place of what stands alone there, a gain of the servo, say, that took its
+    place while something else was missing; False where nothing of it is likelier."""
+    fit, model, steps = search.current, search.track.model, search.track.steps
+    lost = [c for c in search.candidates if c.name in search.parts - {law.name for law in fit.placed}]
+    for place in standing_alone(search):
+        joint = joint_at(model, fit.placed[place].site)
+        own = [c for c in lost if c.site == joint]
+        asked = joint, frozenset({*(c.name for c in own), *(law.name for law in fit.placed)})
+        if not own or fit.placed[place].name in search.parts or asked in search.softened:
+            continue
+        found = refitted_with(search, own, [place], fit.loss())
+        if found.converged and (found := pruned(search, found)).converged:
+            spread = fit.dispersion
+            if fit.loss(spread) - found.loss(spread) > TIED:
+                search.progress(f"selecting: what a drive has at {joint} in place of {fit.placed[place].name}")
+                search.current, search.alternatives, search.track.steps = found, [], steps
+                return True
+        search.softened.add(asked)
+    search.track.steps = steps  # no other question goes unasked because this one came first
+    return False
 
 
 def far(search, missing: np.ndarray) -> bool:

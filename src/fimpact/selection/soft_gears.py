@@ -32,7 +32,7 @@ def softened(search) -> bool:
         # What takes the place of others needs be no likelier; what comes beside them must be more than chance.
         bar = -TIED if len(out) > 1 else TIED if out else np.log(len(search.candidates) / P_ALARM)
         least = before.loss() - (bar if not out else np.log(UNLIKELY))
-        fits = [_refitted(search, candidate, out, least) for candidate in _gears(search, joint)]
+        fits = [refitted_with(search, [candidate], out, least) for candidate in _gears(search, joint)]
         fits = [fit for fit in fits if fit.converged]
         if not fits:
             continue
@@ -84,14 +84,16 @@ def _gears(search, joint: str) -> list[Candidate]:
     return [c for c in found.values() if turning(search.track, [c.placed_as({})])]
 
 
-def _refitted(search, candidate: Candidate, out: list[int], bar: float) -> Smoothed:
-    """The fit with a gear at a typical size, without the effects number `out`, if it may beat the loss `bar`."""
+def refitted_with(search, tried: Sequence[Candidate], out: Sequence[int], bar: float) -> Smoothed:
+    """The fit with what is `tried`, at typical sizes, without the effects number `out`, if it may beat the loss
+    `bar`."""
     fit = search.current
     kept = [i for i in range(len(fit.placed)) if i not in out]
-    values = candidate.effect.neutral | candidate.shapes
-    values |= {name: TYPICAL * size for name, size in candidate.priors.items()}
-    placed = (*(fit.placed[i] for i in kept), candidate.placed_as(values))
-    priors = (*(fit.priors[i] for i in kept), candidate.priors)
+    placed, priors = [fit.placed[i] for i in kept], [fit.priors[i] for i in kept]
+    for own in tried:
+        typical = {name: TYPICAL * size for name, size in own.priors.items()}
+        placed.append(own.placed_as(own.effect.neutral | own.shapes | typical))
+        priors.append(own.priors)
     return fitted(search, placed, priors, fit.theta, bar)
 
 
