@@ -198,7 +198,7 @@ def test_what_a_refit_needs_stays_however_badly_its_size_is_known(monkeypatch, s
 
 @pytest.mark.parametrize("drives", [True, False])
 def test_what_a_drive_lost_to_a_gain_is_asked_again_in_its_place(drives):
-    """Friction has gone while something else was missing, and a softer servo has come for it; False: it was never in."""
+    """Friction has gone while something else was missing, and a softer servo has come; False: it was never in."""
     heavy = followed(kp=30.0)
     light = heavy.xml.replace('armature="0.03"', 'armature="0.003"').replace('damping="0.3"', 'damping="0.03"')
     search = search_of(replace(heavy, xml=light), "servo_kp")

@@ -46,7 +46,7 @@ def pruned(search, fit: Smoothed, floor: float = SHARE, drive: bool = False, sta
         without = smooth(search.track, search.begun, search.noise, placed, priors, fit, progress=search.progress)
         spread, doubted = regression.dispersion, [i for i in bearing if i not in kept]
         # The sd of a size tells little where another number may take its place: a refit without it does.
-        if doubted and without.converged and without.loss(spread) - fit.loss(spread) > by_chance:
+        if doubted and not drive and without.converged and without.loss(spread) - fit.loss(spread) > by_chance:
             surest = min(doubted, key=lambda i: chance_of(regression, _away(regression, i)))
             needed.add(fit.placed[surest].name)
             continue

@@ -98,7 +98,8 @@ def drive(search) -> None:
     else:
         search.weak.clear()
         search.parts.clear()
-        if best.converged and not best.placed and best.loss() < search.naive.loss() - TIED:
+        less = ((best.tau / search.scales.force) ** 2).sum() < ((search.naive.tau / search.scales.force) ** 2).sum()
+        if best.converged and not best.placed and less and best.loss() < search.naive.loss() - TIED:
             search.begins_at(best)  # on the way a better optimum was found for the naive model itself
     search.track.steps = steps  # no other question goes unasked because this one came first
 
