@@ -14,6 +14,7 @@ from fimpact.diagnosis import pipeline
 from fimpact.effects import EFFECTS
 from fimpact.effects.base import Placed
 from fimpact.recordings import Recording, Unknown
+from fimpact.selection import servo_drives
 from fimpact.selection.explanation import Explanation, explain
 from fimpact.selection.forward import Search
 from fimpact.selection.options import options
@@ -252,6 +253,13 @@ def restless(monkeypatch):
         return replace(fit, converged=False) if any("coulomb" in place for place in trial.places) else fit
 
     monkeypatch.setattr(Search, "refitted", never)
+    asked = servo_drives.refitted_with
+
+    def nor_there(search, tried, *given):
+        fit = asked(search, tried, *given)
+        return replace(fit, converged=False) if any(own.effect.name == "coulomb" for own in tried) else fit
+
+    monkeypatch.setattr(servo_drives, "refitted_with", nor_there)
 
 
 def test_what_no_fit_settles_with_is_not_nothing(restless):

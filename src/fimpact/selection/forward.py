@@ -218,13 +218,14 @@ class Search:
 
     def whole(self, fit: Smoothed, floor: float, beside: Smoothed | None = None) -> np.ndarray:
         """Squared force, (contact modes of `fit`, nv), of which the share `floor` is asked for: all that was missing at
-        first, or of a refinement what is left beside a fit, default: what is in."""
+        first, or of a refinement what is left beside a fit, default: what is in, but no less than what would not have
+        been worth a name at first."""
         # Where next to nothing is missing of the force of the motion, it is no news that little takes a share of it.
         least = fit.levels.summed(np.ones_like(self.missing) * (NOTHING * self.scales.force) ** 2)
         every = np.maximum(fit.levels.summed(self.missing), least)
         if floor != REFINES:
             return every
-        return np.maximum(fit.levels.summed((beside or self.current).tau ** 2), least)
+        return np.maximum(fit.levels.summed((beside or self.current).tau ** 2), SHARE * every)
 
     def refitted(self, regression: Regression, trial: Trial | Exchange, out: Collection[int] = ()) -> Smoothed:
         """The fit with the members of `trial`, begun where the regression has them, without the effects `out`."""
