@@ -47,7 +47,7 @@ class Search:
         self.slight: set[str] = set()  # small refinements
         self.weak: set[str] = set()  # worth nothing beside what is in
         self.misses = self.tries = 0
-        self.softened: set[tuple[str, frozenset[str]]] = set()  # joints whose gears were refitted, for what is there
+        self.softened: set[tuple[str, frozenset[str]]] = set()  # joints whose gears were refitted, with what
         self.unfitted: list[tuple[Trial, tuple[Placed, ...]]] = []  # qualified, and no fit with it has settled
         self.coupled = self.naive.linear.response.long or has_servos(track.model)
         self._simulated = Simulated()

@@ -115,6 +115,7 @@ def restored(search) -> bool:
         asked = joint, frozenset({*(c.name for c in own), *(law.name for law in fit.placed)})
         if not own or fit.placed[place].name in search.parts or asked in search.softened:
             continue
+        search.softened.add(asked)
         found = refitted_with(search, own, [place], fit.loss())
         if found.converged and (found := pruned(search, found)).converged:
             spread = fit.dispersion
@@ -122,7 +123,6 @@ def restored(search) -> bool:
                 search.progress(f"selecting: what a drive has at {joint} in place of {fit.placed[place].name}")
                 search.current, search.alternatives, search.track.steps = found, [], steps
                 return True
-        search.softened.add(asked)
     search.track.steps = steps  # no other question goes unasked because this one came first
     return False
 

@@ -17,7 +17,8 @@ from fimpact.smoothing.dynamics.response import driven
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.smoother import Smoothed
 
-SWINGS = 2  # least number of a swing's in the longest run, and its least number of samples, times two
+SWINGS = 2  # in the longest run, at least
+SAMPLES = 8  # in a swing, at least
 
 
 def swaying(fit: Smoothed, count: int) -> Iterator[tuple[int, str, np.ndarray, np.ndarray]]:
@@ -31,7 +32,8 @@ def swaying(fit: Smoothed, count: int) -> Iterator[tuple[int, str, np.ndarray, n
     longest = max(rows.stop - rows.start for rows in track.slices())
     # What swings slower than a pendulum as long as the mechanism does not hold it upright.
     falls = np.sqrt(np.linalg.norm(track.model.opt.gravity) / motion_scales(fit).length)
-    slow, quick = max(falls, 2 * np.pi * SWINGS / (longest * track.period)), np.pi / (2 * SWINGS * track.period)
+    slow, quick = (2 * np.pi / track.period / samples for samples in (longest / SWINGS, SAMPLES))
+    slow = max(slow, falls)
     if quick <= slow:
         return
     rates = np.geomspace(slow, quick, count)
