@@ -59,7 +59,7 @@ def verdict(found: Sequence[Finding], rivals: Sequence[str], missing: bool, left
         said.append(f"Missing: {in_words(certain)}.")
     elif not missing:
         said.append("Nothing is missing that these recordings can show.")
-    elif not possible:
+    elif left or not possible:
         said.append("Something is missing that the catalogue cannot name.")
     if possible:
         said.append(f"May be missing: {_named(possible)}.")
