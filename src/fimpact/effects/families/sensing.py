@@ -74,10 +74,13 @@ def _read_at(measured, signal: Signal, site, wanted):
     if signal.time.shape[1] > 1:
         period = signal.time[:, 1:2] - signal.time[:, :1]
         place = (wanted - signal.time[:, :1]) / period
-        within = signal.parts > 1
-        out[:, :, kept] = (
-            _within(out[:, :, kept], place, signal.parts) if within else interpolate(out[:, :, kept], place)
-        )
+        # No position jumps with a command: it is read between samples.
+        jumps = np.array([signal.parts > 1 and not signal.joint_of[column] for column in kept], bool)
+        smooth, rough = (list(np.array(kept, int)[own]) for own in (~jumps, jumps))
+        if smooth:
+            out[:, :, smooth] = interpolate(out[:, :: signal.parts, smooth], place / signal.parts)
+        if rough:
+            out[:, :, rough] = _within(out[:, :, rough], place, signal.parts)
     return out
 
 
