@@ -11,11 +11,12 @@ from recorded import rod
 from fimpact.deciding import BELIEF, SHARE, TYPICAL
 from fimpact.effects import EFFECTS
 from fimpact.selection import explanation, forward
+from fimpact.selection.chance import least
 from fimpact.selection.explanation import explain
 from fimpact.selection.forward import Search
 from fimpact.selection.one_round import Trial, attempt, search
 from fimpact.selection.options import Option, joint_at
-from fimpact.selection.regression import Estimate, Regression, least
+from fimpact.selection.regression import Estimate, Regression
 from fimpact.selection.servo_drives import refitted_whole
 from fimpact.smoothing.candidates import Candidate
 from fimpact.smoothing.columns import Columns
@@ -57,7 +58,7 @@ def found(own: Regression, offered: list[Option]):
 def tried(own: Regression, option: Option) -> Trial | None:
     now = own.proper(range(own.p))
     missing = (own.columns.forces[:, :, 0] ** 2).sum(0)[None]
-    return attempt(own, now, own.errors(now), own.forces_left(now), missing, option, 1)
+    return attempt(own, now, own.errors(now), own.forces_left(now, own.white), missing, option, 1)
 
 
 def test_however_little_is_named_where_it_is_certain():
@@ -109,14 +110,25 @@ def test_what_gains_most_comes_first_though_in_few_stretches():
 
 
 @pytest.mark.parametrize("shown", [(7, 30), (7,)])
-@pytest.mark.parametrize(("dispersion", "chosen"), [(1.0, True), (1.5, False)])
-def test_what_shows_in_few_stretches_only_is_named_where_the_rest_is_white_noise(dispersion, chosen, shown):
+@pytest.mark.parametrize(("before", "beside", "chosen"), [(1.0, 1.0, True), (1.5, 1.0, True), (1.5, 1.5, False)])
+def test_what_shows_in_few_stretches_only_is_named_where_the_rest_is_white_noise(before, beside, chosen, shown):
     """Elsewhere it may be an accident of what is left: other stretches might have shown nothing."""
     columns = white(1) * np.isin(np.arange(COUNT) // LENGTH, shown)[:, None]
     own = regression({0: 2.0}, columns)
-    own.__dict__["dispersion"] = dispersion
+    own.__dict__.update(dispersion=before, spread=lambda found: beside)
     result = found(own, alone(1))
     assert result.tried[0].sure < 0 and (result.chosen is not None) == chosen
+
+
+def test_what_acts_everywhere_is_to_be_borne_out_by_other_stretches():
+    """However white the rest is beside it: they were asked."""
+    acting = {1: [3], 4: [3, 9, 20, 33], COUNT: range(COUNT)}
+    for stretches, where in acting.items():
+        own = regression({0: 2.0}, white(1) * np.isin(np.arange(COUNT) // LENGTH, where)[:, None])
+        own.__dict__.update(dispersion=1.5, spread=lambda found: 1.0)
+        trial = tried(own, alone(1)[0])
+        assert trial.trusted == (stretches == 1 and trial.sure <= 0)
+        assert stretches > 1 or trial.trusted
 
 
 def test_what_an_effect_takes_is_counted_by_contact_mode():

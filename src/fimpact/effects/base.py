@@ -98,7 +98,7 @@ class Effect:
         commanded at most: for a law of commands that has no slope there.
     side_by_side: a law that remembers may be asked for several hypotheses at once: its values are (n,) each, and so is
         all that the `Shaft` of a gear holds, whatever its site; of each value, all are neutral or none is.
-    shifts_time: it reads at another time than the log says, perhaps between two samples.
+    shifts_time: what it reads or commands comes at another time than the log says, perhaps between two samples.
     """
 
     name: str
@@ -153,6 +153,12 @@ class Placed:
     def held(self) -> list[str]:
         """Values that no probe moves, and no fit: an anchor out of the plane of a planar mechanism, say."""
         return [name for name, size in self.sizes.items() if size == 0]
+
+    @property
+    def usual(self) -> bool:
+        """Whether it is no more than every rig has."""
+        away = {name: abs(value - self.effect.neutral[name]) for name, value in self.values.items()}
+        return bool(self.least) and all(away[name] <= size for name, size in self.least.items())
 
     @property
     def name(self) -> str:

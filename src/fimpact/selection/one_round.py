@@ -14,9 +14,11 @@ from scipy import stats
 
 from fimpact.deciding import P_ALARM, REFINES, TIED, UNLIKELY
 from fimpact.effects.sites import measured_by
+from fimpact.selection.chance import RARE, chance, least
 from fimpact.selection.options import Option
-from fimpact.selection.regression import Estimate, Regression, chance, inverse, least
+from fimpact.selection.regression import Estimate, Regression
 from fimpact.smoothing.dynamics.linear import inverse_of_push
+from fimpact.smoothing.effect_sizes import inverse
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Trial:
     stretches were recorded; 0 of what may be chance. share, place: largest share of the missing force that it takes
     away (1 of what is no force), and its contact mode and degree of freedom. errors: (stretches,) squared innovations
     left. places: ``effect@site`` of what is kept. hidden: no force shows it, since unknowns have gone beyond their
-    priors for it.
+    priors for it. trusted: chance is to be trusted, whatever stretches that were not fitted say.
     """
 
     option: Option
@@ -42,6 +44,7 @@ class Trial:
     errors: np.ndarray
     places: tuple[str, ...] = ()
     hidden: bool = False
+    trusted: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,13 +64,13 @@ def search(regression: Regression, offered: Sequence[Option], missing: np.ndarra
         missing: squared force, (contact modes, nv), of which an option must take the share `floor` somewhere.
     """
     now = regression.proper(range(regression.p))
-    errors, forces = regression.errors(now), regression.forces_left(now)
+    errors, forces = regression.errors(now), regression.forces_left(now, regression.white)
     found = [attempt(regression, now, errors, forces, missing, option, len(offered)) for option in offered]
     tried = sorted((t for t in found if t), key=lambda t: -t.gain)
-    likely = [t for t in tried if t.p < P_ALARM and (t.gain > 0 or regression.white) and t.share > floor]
-    good = [t for t in likely if t.sure > 0 or regression.white]
+    likely = [t for t in tried if t.p < P_ALARM and (t.gain > 0 or t.trusted) and t.share > floor]
+    good = [t for t in likely if t.sure > 0 or t.trusted]
     # What pulls unknowns from their priors is what fits best, not whatever brings them back.
-    best = next((t for t in tried if t.p < P_ALARM and (t.sure > 0 or regression.white)), None)
+    best = next((t for t in tried if t.p < P_ALARM and (t.sure > 0 or t.trusted)), None)
     good = [t for t in good if best is None or not t.hidden or lag(regression, best, t) < TIED]
     if not good:
         return Round(None, (), tuple(tried))
@@ -140,22 +143,33 @@ def attempt(regression: Regression, now: Estimate, errors, forces, missing, opti
     if p >= P_ALARM and not option.compound:
         return Trial(option, found, p, 0.0, 0.0, 0.0, 0.0, (0, 0), errors, places)
     left = regression.errors(found)
+    # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
+    relief, better = regression.tension(now) - regression.tension(found), errors - left
+    error, sure = float(better.std() * np.sqrt(len(better))), least(better) + relief
+    trusted = regression.white or (sure <= 0 and p < P_ALARM and _shows_in_few(regression, found))
     whole = regression.force_of(now, found)
-    taken = forces - regression.forces_left(found) if whole is None else whole
-    if regression.white and whole is None:
+    taken = forces - regression.forces_left(found, trusted) if whole is None else whole
+    if trusted and whole is None:
         # As much less as it would be of stretches that are predicted (Stone, J. R. Stat. Soc. B 39(1), 1977).
         taken = taken * max(0.0, 1 - 2 * added * dispersion / max(gain, 1e-300))
     taken = taken / np.maximum(missing, 1e-300)
     mode, dof = np.unravel_index(np.argmax(taken), taken.shape)
-    place, better = (int(mode), int(dof)), errors - left
-    # An unknown that had to go beyond its prior hides an effect: what is taken from there is no force.
-    relief = regression.tension(now) - regression.tension(found)
+    place = int(mode), int(dof)
     # Where the smoother leaves next to no force, what shows in the readings is all of it, and not many times it.
-    hidden = relief > better.sum() and relief > 0
+    hidden = bool(relief > better.sum() and relief > 0)
     shown_only = all(_is_no_force(regression, i) for i in option.members)
     share = 1.0 if hidden or shown_only else min(float(taken[place]), 1.0)
-    error, sure = float(better.std() * np.sqrt(len(better))), least(better) + relief
-    return Trial(option, found, p, float(better.sum()) + relief, error, sure, share, place, left, places, bool(hidden))
+    gained = float(better.sum()) + relief
+    return Trial(option, found, p, gained, error, sure, share, place, left, places, hidden, trusted)
+
+
+def _shows_in_few(regression: Regression, found: Estimate) -> bool:
+    """Whether what is added acts in so few stretches that a bootstrap may draw none of them, and what is left beside it
+    is white noise: no other stretch can bear it out."""
+    added = [(c, v) for c, v in zip(found.kept, found.values, strict=True) if c >= regression.p]
+    told = np.sum([value**2 * regression.gram[:, column, column] for column, value in added], axis=0)
+    few = told.sum() ** 2 < -np.log(RARE) * np.square(told).sum()
+    return bool(few) and regression.spread(found) == 1
 
 
 def _is_no_force(regression: Regression, member: int) -> bool:

@@ -6,21 +6,19 @@ not from its neighbours either (Burman, Chow, Nolan, Biometrika 81(2), 1994); co
 """
 
 import copy
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
-from scipy import stats
 
-from fimpact.deciding import BELIEF
 from fimpact.smoothing.columns import Columns
+from fimpact.smoothing.effect_sizes import inverse, is_amplitude, of_any_scale
 from fimpact.smoothing.parameters import is_shape
 from fimpact.smoothing.smoother import Smoothed
 from fimpact.smoothing.step import occam
 from fimpact.smoothing.stretches import spread_of_scores, stretches
 
-DRAWS = 4000  # of stretches
 ROUND_OFF = 1e-12  # of a column's information: what may tell it in one stretch alone is nothing elsewhere
 
 
@@ -69,15 +67,18 @@ class Regression:
     @cached_property
     def dispersion(self) -> float:
         """By how much scores vary more from stretch to stretch than white noise would have it, at least 1."""
-        base = self.solve(range(self.p), 1.0)
-        scores = self.right - self.gram[:, :, list(base.kept)] @ base.values
-        return spread_of_scores(scores, np.einsum("bii->i", self.gram))
+        return self.spread(self.solve(range(self.p), 1.0))
 
     @property
     def white(self) -> bool:
         """Whether scores vary no more from stretch to stretch than white noise has it: then chance can be trusted, in
         however few stretches something shows."""
         return self.dispersion == 1
+
+    def spread(self, found: Estimate) -> float:
+        """The same of scores beside `found`."""
+        left = self.right - self.gram[:, :, list(found.kept)] @ found.values
+        return spread_of_scores(left, np.einsum("bii->i", self.gram))
 
     @cached_property
     def near(self) -> np.ndarray:
@@ -114,7 +115,20 @@ class Regression:
         numbers = [self.smoothed.numbers[i] for i in kept if i < self.p]  # candidates are in units of their prior
         away = sum(n.away**2 for n in numbers)
         prior = occam(numbers, information[: len(numbers), : len(numbers)], self.smoothed.count)
-        return -0.5 * float(found.loss + away + prior + np.linalg.slogdet(information)[1])
+        sized = self.sized(found.kept, found.values, inverse(information))
+        return sized - 0.5 * float(found.loss + away + prior + np.linalg.slogdet(information)[1])
+
+    def sized(self, kept: Iterable[int], values: np.ndarray, covariance: np.ndarray) -> float:
+        """`of_any_scale` of the amplitudes among the columns `kept`, (k,), from their covariance, (k, k)."""
+        found = []
+        for column, value, variance in zip(kept, values, np.diag(covariance), strict=True):
+            doubt, n = np.sqrt(max(variance, 0.0)), self.smoothed.numbers[column] if column < self.p else None
+            if n and is_amplitude(n):
+                found.append((n.place, n.moved(value).value / n.sd, doubt * abs(n.slope) / n.sd))
+            elif n is None and self.columns.is_amplitude(column - self.p):
+                found.append((-1 - self.columns.owners[column - self.p][0], value, doubt))
+        effects, sizes, doubts = zip(*found, strict=True) if found else ((), (), ())
+        return of_any_scale(effects, np.array(sizes), np.array(doubts))
 
     def without(self, places: Collection[int]) -> "Regression":
         """The same data where the effects number `places` have been taken away; `smoothed` is still with them."""
@@ -157,13 +171,13 @@ class Regression:
         gram, right = self._grams(kept), self.right[:, kept]
         return self.square - 2 * (values * right).sum(1) + np.einsum("bi,bij,bj->b", values, gram, values)
 
-    def forces_left(self, found: Estimate) -> np.ndarray:
+    def forces_left(self, found: Estimate, trusted: bool) -> np.ndarray:
         """Squared missing force, (contact modes, nv), left where each stretch is predicted from those elsewhere; where
-        chance can be trusted from all of them: of what shows in one stretch alone, no other tells how much it is."""
+        chance is `trusted` from all of them: of what shows in one stretch alone, no other tells how much it is."""
         rows = self.columns.forces
         kept = [1 + c for c in found.kept]
         values = np.broadcast_to(found.values, (len(rows), len(kept)))
-        values = values if self.white else self.elsewhere(found)[self.stretch]
+        values = values if trusted else self.elsewhere(found)[self.stretch]
         left = rows[:, :, 0] - np.einsum("kjc,kc->kj", rows[:, :, kept], values)
         return self.smoothed.levels.summed(left**2)
 
@@ -192,8 +206,7 @@ class Regression:
         kept = list(found.kept)
         whole, prior = self.whole[np.ix_(kept, kept)], np.diag(self.weight[kept])
         white = inverse(whole + prior)
-        bread = inverse(whole / self.dispersion + prior)
-        scores = self.scores(found) / self.dispersion
+        bread, scores = inverse(whole / self.dispersion + prior), self.scores(found) / self.dispersion
         if clusters is not None:
             scores = np.array([scores[clusters == c].sum(0) for c in np.unique(clusters)])
         meat = scores.T @ scores * len(scores) / max(len(scores) - 1, 1)
@@ -206,8 +219,7 @@ class Regression:
 
         The first over the second is chi-squared with as many degrees as columns were added.
         """
-        size = self.gram.shape[1]
-        step = np.zeros(size)
+        step = np.zeros(self.gram.shape[1])
         step[list(after.kept)] += after.values
         step[list(before.kept)] -= before.values
         along = self.scores(after) @ step[list(after.kept)]
@@ -215,32 +227,6 @@ class Regression:
         return gain, max(1.0, float((along**2).sum() / gain)) if gain > 0 else 1.0
 
 
-def least(better: np.ndarray) -> float:
-    """Bound the sum of `better`, (stretches,), from below, whichever stretches were recorded.
-
-    By the bootstrap of stretches (Efron, Annals of Statistics 7(1), 1979), as unlikely as `BELIEF` standard deviations:
-    few stretches may gain much, and a standard error would take that for doubt.
-    """
-    return float(np.quantile(_resampled(len(better)) @ better, stats.norm.sf(BELIEF)))
-
-
-@lru_cache
-def _resampled(count: int) -> np.ndarray:
-    """How often each of `count` stretches is drawn, (draws, count)."""
-    return np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), DRAWS).astype(float)
-
-
-def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric matrix whose columns may differ in size by orders of magnitude."""
-    scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
-    return np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
-
-
 def _ridge(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     return np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=1e-12)[0] / scale
-
-
-def chance(gain: float, dispersion: float, added: int) -> float:
-    """Chance of such a gain by as many columns where nothing is missing."""
-    return float(stats.chi2.sf(max(gain, 0.0) / dispersion, max(added, 1)))

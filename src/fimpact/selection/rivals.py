@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from fimpact.deciding import RIVALS, TIED, UNLIKELY
-from fimpact.selection.one_round import Round
+from fimpact.selection.one_round import Round, Trial
 from fimpact.selection.options import Option, joint_at
 from fimpact.selection.refit_start import held_by
 from fimpact.selection.regression import Regression
@@ -98,13 +98,20 @@ def among_rivals(search, regression: Regression, found: Round, best: Smoothed) -
     """The likeliest of the chosen and its rivals, each refitted; the others are kept as alternatives."""
     assert found.chosen is not None
     # The compound stands for many kinds, which are told apart by what they predict; others are by refits.
-    rivals = [] if found.chosen.option.compound else found.rivals
-    tried, fits = rivals[:RIVALS], [best]
+    rivals = [] if found.chosen.option.compound else list(found.rivals)
+    late = _late(search, regression, found, rivals[:RIVALS])
+    rest = [own for own in rivals[RIVALS:] if own[0].places not in {trial.places for trial, _ in late}]
+    tried, fits = [*rivals[:RIVALS], *late], [best]
+    rivals = [*tried, *rest]
+    steps = search.track.steps
     for trial, _ in tried:
         fits.append(search.refitted(regression, trial))
         search.progress(f"selecting: rival {len(fits) - 1} of {len(tried)} refitted, {trial.option.name}")
+    search.track.steps = steps if late else search.track.steps  # no question goes unasked because this one came first
     spread = regression.dispersion
-    losses = np.array([fit.loss(spread) if fit.converged else np.inf for fit in fits])
+    trials = [found.chosen, *(trial for trial, _ in tried)]
+    said = [fit.converged and not (late and _usual(fit, own)) for fit, own in zip(fits, trials, strict=True)]
+    losses = np.array([fit.loss(spread) if own else np.inf for fit, own in zip(fits, said, strict=True)])
     losses = np.where(np.isfinite(losses), losses, np.inf)
     weights = np.exp(losses.min() - losses) if np.isfinite(losses.min()) else np.ones(len(fits))
     as_good = [i for i, w in enumerate(weights) if w >= np.exp(-TIED)]
@@ -124,3 +131,28 @@ def among_rivals(search, regression: Regression, found: Round, best: Smoothed) -
         if i != first and w > UNLIKELY * weights[first]
     ]
     return fits[first]
+
+
+def _usual(fit: Smoothed, trial: Trial) -> bool:
+    """Whether what a trial has added is no more than every log has: it explains nothing, though commands that jump are
+    read before they do instead of after."""
+    added = [law for law in fit.placed if law.name in trial.places]
+    return bool(added) and all(law.usual for law in added)
+
+
+def _late(
+    search, regression: Regression, found: Round, known: Sequence[tuple[Trial, float]]
+) -> list[tuple[Trial, float]]:
+    """Where something comes late, and sensors show forces that jump with commands, all else that may: at such jumps
+    nothing that is late has a tangent."""
+    assert found.chosen is not None
+    tried, seen = regression.columns.candidates, {found.chosen.places, *(trial.places for trial, _ in known)}
+
+    def is_late(trial: Trial, *enters: str) -> bool:
+        own = [tried[i].effect for i in trial.option.members]
+        return all(effect.shifts_time and effect.enters in enters for effect in own)
+
+    if not (search.track.late.any() and is_late(found.chosen, "command", "measurement")):
+        return []
+    others = {t.places: t for t in reversed(found.tried) if is_late(t, "command") and t.places not in seen}
+    return [(trial, 0.0) for trial in others.values()]

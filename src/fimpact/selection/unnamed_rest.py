@@ -56,7 +56,7 @@ def leftover(fit: Smoothed, missing: np.ndarray) -> Leftover:
     tried = smooth_functions(fit)
     regression = Regression(fit, columns(fit, tried))
     offered = [Option(own.name, 0, (i,)) for i, own in enumerate(tried)]
-    best = next((t for t in search(regression, offered, missing, SHARE).tried if _shows(regression, t)), None)
+    best = next((t for t in search(regression, offered, missing, SHARE).tried if _shows(t)), None)
     # Nothing but a name can be what is left beside a name, but for mounts, whose sway is at all joints at once.
     mounts = [option for option in offered if option.name.startswith(SWAY)]
     others = exchanges(regression, offered, mounts)
@@ -83,8 +83,8 @@ def _loudest(regression: Regression, trial: Trial, dof: int) -> str:
     return columns.candidates[member].effect.coefficients[weight].unit
 
 
-def _shows(regression: Regression, trial: Trial) -> bool:
-    return trial.p < P_ALARM and (trial.sure > 0 or regression.white) and trial.share > SHARE
+def _shows(trial: Trial) -> bool:
+    return trial.p < P_ALARM and (trial.sure > 0 or trial.trusted) and trial.share > SHARE
 
 
 def smooth_functions(fit: Smoothed) -> list[Candidate]:

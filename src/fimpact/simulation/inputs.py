@@ -55,7 +55,7 @@ class InputSignal:
         pieces = ctrl.reshape(len(ctrl), -1, FINER, ctrl.shape[2])
         steps = windows.first[:, None] * self.substeps + np.arange(signal.time.shape[1])
         rows = windows.runs[:, None], np.clip(steps, 0, pieces.shape[1] - 1)
-        return pieces.mean(2)[rows], pieces[:, :, 0][rows] if self.instant else None
+        return pieces.mean(2)[rows], self.at_starts(laws, ctrl, FINER)[rows] if self.instant else None
 
     def pieces(self, laws: Sequence[Placed], windows: Windows) -> np.ndarray:
         """Commands of whole runs as `laws` change them, in `FINER` pieces of each step, (runs, T, nu)."""
@@ -66,6 +66,15 @@ class InputSignal:
             signal = replace(self.describe(time, ctrl), noise=noise)
             ctrl = law.effect.law(ctrl, signal, law.site, **law.values)
         return ctrl
+
+    def at_starts(self, laws: Sequence[Placed], pieces: np.ndarray, every: int) -> np.ndarray:
+        """Commands at the moment at which each `every` of `pieces` (runs, T, nu) begins: what `laws` hold back, however
+        briefly, has not yet followed one that jumps there."""
+        now = pieces[:, ::every].copy()
+        held = [law for law in laws if law.effect.shifts_time and law.values != law.effect.neutral]
+        for own in {own for law in held for own in self._rig.column(law.site)}:
+            now[:, 1:, own] = pieces[:, every - 1 :: every, own][:, : now.shape[1] - 1]
+        return now
 
     def _noise_in(self, ctrl: np.ndarray) -> np.ndarray:
         """What of commands (runs, T, nu) is noise of the log: of torques that are measured, not of targets."""

@@ -14,15 +14,15 @@ import numpy as np
 
 from fimpact.deciding import LOUDER, ROUNDS, STILL, TIED, TRUST
 from fimpact.effects.base import Placed
-from fimpact.smoothing.dynamics.linear import Linear, linearise, missing_at_first
-from fimpact.smoothing.dynamics.response import heavier
+from fimpact.smoothing.dynamics.linear import Linear, missing_at_first
 from fimpact.smoothing.dynamics.rotor_states import with_rotors
 from fimpact.smoothing.dynamics.track import Track
 from fimpact.smoothing.filter.by_run import Filtered
-from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, in_modes, moved_by, resting
+from fimpact.smoothing.noise_levels import Levels, Pace, first_levels, moved_by
 from fimpact.smoothing.parameters import Parameter, parameters, placed_of, theta_of
+from fimpact.smoothing.rounds import Fitted, is_ahead, linear_at, runs_away
 from fimpact.smoothing.states import States
-from fimpact.smoothing.step import adapted, solve
+from fimpact.smoothing.step import Solved, adapted, solve
 from fimpact.smoothing.stretches import stretches
 
 WORN = 0.1  # of the noise, moved by a step: derivatives are renewed
@@ -32,6 +32,7 @@ RUNS_AWAY = (
     "The model runs away within one sample of the recording: its states there are no states of the model. "
     "Measure the joints that close a loop, or give the model a start that keeps its constraints."
 )
+LEAST_CUT = 1e-2  # of a step that runs away
 ROUNDS_ABOVE_BAR = 2  # rounds in a row that fit worse than a fit has to, and fall too slowly to get there
 
 
@@ -120,24 +121,38 @@ def smooth(
     anew = like is None or like.states.size != states.size
     anneal = list(LOUDER) if track.late.any() and anew else []
     sign, last_step, last_sign, relax = None, np.inf, None, 1.0
-    pace, converged, k, change = Pace(), False, 0, np.inf
+    pace, converged, k, change, count = Pace(), False, 0, np.inf, int(np.isfinite(track.measured).sum())
+    taken: tuple[Fitted, Solved, Linear] | None = None  # the last step, and whence
+    cut = 1.0  # of it, after which the readings were not left behind
     least, lost = np.inf, 0  # of the rounds so far, and rounds since that fit worse than it
+    losses: list[float] = []
     before, above_bar = np.inf, 0  # of the round before, and rounds in a row that are too slow to get below `bar`
     held, feigned = False, 0.0  # whether signs are, and how much worse a fit has looked since
     best: tuple[States, np.ndarray, np.ndarray, Levels, list[Parameter]] | None = None
     least_move, before_divergence = np.inf, best
     for k in range(rounds + len(anneal)):
         rough, newly, held = k < len(anneal), sign is not None and not held, sign is not None
-        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, sign, rough, surprise, now=levels)
+        own = Fitted(states, tau, doubt, levels, numbers)
+        linear = linear_at(track, own, fixed, placed, linear, sign, rough, surprise)
         if levels is None:
             tau = missing_at_first(track, linear)
             levels = first_levels(track, states, tau, noise)
-            linear = _linear(track, numbers, fixed, placed, states, tau, doubt, None, sign, rough, now=levels)
+            own = Fitted(states, tau, doubt, levels, numbers)
+            linear = linear_at(track, own, fixed, placed, None, sign, rough)
         loud = anneal[k] if k < len(anneal) else 1.0
         begun_levels = levels = replace(levels, louder=np.where(track.late, loud, 1.0))
         stretch = stretches(track, tau) if stretch is None else stretch
         levels = adapted(track, linear, levels, tau, numbers, stretch, noise, pace)
         found = solve(track, linear, levels, tau, numbers, stretch, dispersion)
+        if runs_away(found, taken and taken[1], count) and cut > LEAST_CUT:
+            assert taken is not None
+            cut /= 2
+            own, last, at = taken
+            shorter = replace(last, change=cut * last.change, step=cut * last.step)
+            own = own.stepped(track, at, shorter, placed, k == 1)
+            states, tau, doubt, levels, numbers = own.states, own.tau, own.doubt, own.levels, own.numbers
+            fixed, linear = numbers or fixed, None
+            continue
         if not np.isfinite(found.chi2):
             break
         dispersion, surprise = found.dispersion, found.surprise
@@ -166,19 +181,14 @@ def smooth(
             # So small a step of the trajectory is not taken: where a joint sticks, it may lead to another branch.
             numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]
             break
-        n = states.size
-        states, tau = track.space.plus(states, found.change[:, :n]), tau + found.change[:, n:]
-        doubt = found.doubts(linear, track)
-        if numbers:
-            numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]
-            fixed = numbers
-            grown = heavier(track.model_of(placed_of(numbers, placed), theta_of(numbers)), linear.plant.model)
-            tau, levels = tau * grown, replace(levels, force=levels.force * grown, least=levels.least * grown)
-        levels = in_modes(track, states, levels)
-        # Anew once, then only more: a speed about the bound of its doubt would go to and fro, and levels with it.
-        rests, rested = resting(track, states, doubt, linear.plant.rubbing, levels).rests, levels.rests
-        levels = replace(levels, rests=rests if k == 0 else rests | rested)
-        converged &= k > 0 or np.array_equal(rests, rested)  # else levels are those of other samples
+        assert levels is not None
+        rested, cut = levels.rests, 1.0
+        taken = Fitted(states, tau, doubt, levels, numbers), found, linear
+        own = taken[0].stepped(track, linear, found, placed, k == 0)
+        states, tau, doubt, levels, numbers = own.states, own.tau, own.doubt, own.levels, own.numbers
+        assert levels is not None
+        fixed = numbers or fixed
+        converged &= k > 0 or np.array_equal(levels.rests, rested)  # else levels are those of other samples
         if converged:
             break
         # A fit that settles takes steps that shrink; one that travels may take as many more as there are.
@@ -186,6 +196,7 @@ def smooth(
         feigned = max(now - before, 0.0) if newly else feigned
         slow = k > len(anneal) and now - feigned - bar > more * max(before - now, 0.0)
         before, above_bar = now, above_bar + 1 if slow else 0
+        losses.append(now)
         if above_bar == ROUNDS_ABOVE_BAR:
             break
         if patience and k >= len(anneal):
@@ -197,6 +208,7 @@ def smooth(
         if change > WORN:
             linear = None
     diverged = not np.isfinite(found.chi2)
+    converged = converged or (k == rounds + len(anneal) - 1 and is_ahead(losses[-rounds // 2 :], bar))
     if diverged:  # where it was nearly still before, what stands is how it was
         best, least = before_divergence, least_move
     if not converged and best is not None and np.isfinite(least):
@@ -204,7 +216,8 @@ def smooth(
         fixed, linear, sign = numbers or fixed, None, None
     if not (converged and track.long):
         # Fits are compared with friction that stops what it holds: at held signs it is a force like any other.
-        linear = _linear(track, numbers, fixed, placed, states, tau, doubt, linear, None, False, surprise, now=levels)
+        own = Fitted(states, tau, doubt, levels, numbers)
+        linear = linear_at(track, own, fixed, placed, linear, None, False, surprise)
     assert linear is not None and levels is not None and stretch is not None
     if levels.rests.any() and not diverged:  # what has just come to rest, or left it, needs other levels
         for _ in range(2):
@@ -212,19 +225,11 @@ def smooth(
     found = solve(track, linear, levels, tau, numbers, stretches(track, tau))
     if diverged and np.isfinite(found.chi2):
         change = found.moves(linear, levels, track)
-        sound = change < WORN and found.chi2 < TRUST * np.isfinite(track.measured).sum()
+        sound = change < WORN and found.chi2 < TRUST * count
         found = found if sound else replace(found, chi2=np.inf)
     fixed = numbers or fixed
-    count = int(np.isfinite(track.measured).sum())
     return Smoothed(
         track, placed_of(fixed, placed), tuple(priors), tuple(fixed), states, tau, doubt, found.surprise, levels,
         linear, found.filter, found.information, found.dispersion, found.chi2, found.fit, found.cost, count, converged,
         k + 1, float(change),
     )  # fmt: skip
-
-
-def _linear(track, numbers, fixed, placed, states, tau, doubt, like, sign, rough, surprise=0.0, *, now) -> Linear:
-    # Where a joint sticks, no small force moves it: there what a force does is judged over as much as may be missing.
-    spread = np.sqrt((now.forces**2).mean(0)) if now and track.long else None
-    placed = placed_of(fixed, placed)
-    return linearise(track, numbers, placed, states, tau, doubt, theta_of(fixed), like, sign, rough, surprise, spread)

@@ -99,10 +99,7 @@ def findings(
         own = [(n, r) for n, r in zip(smoothed.numbers, rows, strict=True) if n.place == place]
         own_rows = tuple(row for _, row in own)
         why = NAMELESS if law.name in doubted else _why_not(smoothed, place, own)
-        usual = bool(own) and all(
-            abs(n.value - law.effect.neutral[n.name]) <= law.least.get(n.name, -1.0) for n, _ in own
-        )
-        tier = SLIGHT if usual else POSSIBLE if why else SLIGHT if law.name in slight else CERTAIN
+        tier = SLIGHT if own and law.usual else POSSIBLE if why else SLIGHT if law.name in slight else CERTAIN
         found.append(Finding(law.effect.name, law.site, tier, own_rows, why, why not in UNSEEN))
     return tuple(found)
 

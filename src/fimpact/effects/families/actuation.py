@@ -165,6 +165,7 @@ EFFECTS = (
         prior_source=LATE,
         order=MOTOR,
         least=lambda scales, model, site: {"delay": typical.instant(scales)},
+        shifts_time=True,
     ),
     Effect(
         name="actuator_lag",
@@ -184,6 +185,7 @@ EFFECTS = (
         prior_source=LATE,
         order=MOTOR,
         least=lambda scales, model, site: {"time": typical.instant(scales)},
+        shifts_time=True,
     ),
     Effect(
         name="rotor_inertia",

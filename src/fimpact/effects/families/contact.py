@@ -194,7 +194,9 @@ EFFECTS = (
         coefficients=(Coefficient("coefficient", "m", low=0.0),),
         sites=sites.contacts,
         touching=True,
-        probes=lambda scales, model, site: [{"coefficient": typical.SMALL / 10 * scales.length}],
+        probes=lambda scales, model, site: [
+            {"coefficient": float(size)} for size in scales.length * typical.SMALL * np.geomspace(0.1, 1.0, 3)
+        ],
         law=rolling_friction,
         neutral={"coefficient": 0.0},
         linear=False,  # MuJoCo softens what little friction there is in the square of its coefficient

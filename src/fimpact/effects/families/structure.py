@@ -6,12 +6,14 @@ import numpy as np
 from fimpact.effects import priors, sites, typical, wiring
 from fimpact.effects.base import STRUCTURE, Coefficient, Effect
 from fimpact.effects.law_inputs import State
+from fimpact.effects.mounts import tipping_mount
 from fimpact.effects.native import exporting
 
 DOWN = np.array([0.0, 0.0, -9.81])  # m/s^2, for a model without gravity: a mechanism that lies in a horizontal plane
 RESTS = (-4.0, -1.0, 0.0, 1.0, 4.0)  # of a joint's travel, from its mean position
 CABLE = 3.0  # times the size of the mechanism: from further away a cable pulls at all of it alike, as gravity does
 TAKES = "hoses, cables and balance springs take at most some third of the torque"
+SETTLING = (1e-3, 1e-2, 1e-1)  # s, in which a mount comes to rest: of castings, of frames, of rubber
 ALONG = 0.7  # cosine above which an axis counts as parallel
 
 
@@ -40,24 +42,6 @@ def gravity_tilt(model, site, tilt_x, tilt_y, tilt_z):
     """Gravity turns by a rotation vector in world axes; the turned minus the upright one is added."""
     upright = model.opt.gravity.copy() if np.any(model.opt.gravity) else DOWN
     model.opt.gravity += turned(upright, np.array([tilt_x, tilt_y, tilt_z])) - upright
-
-
-def base_gives_way(state: State, site, compliance):
-    """The weight of all that stands on the base turns it about its origin, in horizontal axes, and gravity then comes
-    from another direction. Quasi-static: accelerations neither turn the base nor come from its turning."""
-    model, data = state.model, state.kinematics
-    body, gravity = model.body(site).id, model.opt.gravity
-    down, mass = gravity / np.linalg.norm(gravity), model.body_subtreemass[model.body(site).id]
-    out, jacobian = np.empty_like(state.qvel), np.zeros((3, model.nv))
-    for row, qpos in zip(out, state.qpos, strict=True):
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_jacSubtreeCom(model, data, jacobian, body)
-        turn = compliance * np.cross(data.subtree_com[body] - data.xpos[body], mass * gravity)
-        turn -= down * (down @ turn)
-        row[:] = jacobian.T @ (-mass * np.cross(turn, gravity))
-    return out
 
 
 def turned(vector: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -133,7 +117,9 @@ def _tilt_probes(scales, model, site):
 
 
 def _base_probes(scales, model, site):
-    return [{"compliance": typical.SMALL * priors.base_compliance(scales, model, site)["compliance"]}]
+    """From a stiff stand to one on rubber."""
+    compliance = typical.SMALL * priors.base_compliance(scales, model, site)["compliance"]
+    return [{"compliance": compliance, "settling": settling} for settling in SETTLING]
 
 
 EFFECTS = (
@@ -215,15 +201,19 @@ EFFECTS = (
     Effect(
         name="base_gives_way",
         family="structure",
-        equation="τ = −Jᵀ M (θ × g),  θ = C (r × M g) horizontal, r from the base's origin to the centre of all mass M",
-        sentence="The base is not rigid: the weight of the mechanism tips it, further where it reaches out.",
-        reference="Siciliano, Khatib (eds.), Springer Handbook of Robotics, 2016, ch. 6",
+        equation="I θ̈ + (T θ̇ + θ)/C = moment of all that stands on it,  τ = −Lᵀ θ̈ − Jᵀ M (θ × g), θ horizontal",
+        sentence="The base is not rigid: the weight and the momentum of the mechanism tip it, and it swings back.",
+        reference="Siciliano, Khatib (eds.), Springer Handbook of Robotics, 2016, ch. 11",
         enters="force",
-        coefficients=(Coefficient("compliance", "rad/(N m)", low=0.0),),
+        coefficients=(
+            Coefficient("compliance", "rad/(N m)", low=0.0),
+            Coefficient("settling", "s", low=0.0, shape=True),
+        ),
         sites=sites.standing,
         probes=_base_probes,
-        law=base_gives_way,
-        neutral={"compliance": 0.0},
+        law=tipping_mount,
+        neutral={"compliance": 0.0, "settling": 1.0},
+        side_by_side=True,
         prior=priors.base_compliance,
         prior_source="mounts that give visibly, by half a degree under the weight stretched out, get stiffened",
         order=STRUCTURE,

@@ -135,10 +135,7 @@ def _state(track: Track, states: States, ctrl: np.ndarray, memory: dict) -> Stat
     qpos, qvel = middle(track, states)
     after = track.next(states)
     rate = (after.qvel - states.qvel) / track.period
-    seen = State(track.model, qpos, qvel, ctrl, track.time, track.period, memory, {})
-    if hasattr(seen, "qacc"):
-        seen.qacc = rate
-    return seen
+    return State(track.model, qpos, qvel, ctrl, track.time, track.period, memory, {}, rate)
 
 
 def _forces(track: Track, laws: Sequence[Placed], states: States, tau: np.ndarray, doubt) -> list[np.ndarray]:
@@ -164,11 +161,12 @@ def _forces(track: Track, laws: Sequence[Placed], states: States, tau: np.ndarra
 def _carried(track: Track, laws: Sequence[Placed], seen: State) -> list[np.ndarray]:
     """Force, (N, nv), of each of `laws`, one effect at one site, as they remember each run from its start."""
     (law, *_), rows, values = laws, track.pieces[0], values_of(track, laws)
+    assert seen.qacc is not None
     out = np.zeros((len(laws) * len(rows), rows.shape[1], track.model.nv))
     memory: dict[object, object] = {}
     for k, now in enumerate(np.tile(rows, (len(laws), 1)).T[: longest_piece(track)]):
-        qpos, qvel, ctrl, time = (part[now] for part in (seen.qpos, seen.qvel, seen.ctrl, seen.time))
-        here = State(track.model, qpos, qvel, ctrl, time, track.period, memory, {})
+        qpos, qvel, ctrl, time, qacc = (part[now] for part in (seen.qpos, seen.qvel, seen.ctrl, seen.time, seen.qacc))
+        here = State(track.model, qpos, qvel, ctrl, time, track.period, memory, {}, qacc)
         out[:, k] = law.effect.law(here, law.site, **values)
     return [track.gathered(own) for own in np.split(out, len(laws))]
 

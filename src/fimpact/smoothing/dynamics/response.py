@@ -101,8 +101,9 @@ class Response:
         """
         track, space, near = self.track, self.track.space, self.near
         # What is read at another time moves with the state then, which is nearer to a sample's own than to that before.
-        plant = replace(self.plant, placed=tuple(law for law in self.plant.placed if not law.effect.shifts_time))
-        if len(plant.placed) < len(self.plant.placed):
+        late = [law for law in self.plant.placed if law.effect.shifts_time and law.effect.enters == "measurement"]
+        plant = replace(self.plant, placed=tuple(law for law in self.plant.placed if law not in late))
+        if late:
             near = plant.step(self.states, self.tau)
         n, nv = self.states.size, track.model.nv
         advance, reads = np.empty((track.count, n, n + nv)), np.empty((track.count, near.readings.shape[1], n + nv))

@@ -22,15 +22,17 @@ class Commands:
 
     jumps: moments at which a command that came late jumps, in parts of a sample, and the part that begins there. A
     servo that pushes as hard as it may is not moved by the mean of two targets as it is by the one and then the other:
-    a step ends at each jump.
+    a step ends at each jump. instant: at the start of each sample, (N, nu), which is what a sensor of forces shows
+    there; None where it is what the first part holds.
     """
 
     values: np.ndarray
     jumps: tuple[tuple[float, int], ...] = ()
+    instant: np.ndarray | None = None
     _known: dict[tuple[int, int], list[tuple[float, np.ndarray]]] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, rows) -> "Commands":
-        return Commands(self.values[rows], self.jumps)
+        return Commands(self.values[rows], self.jumps, None if self.instant is None else self.instant[rows])
 
     @property
     def mean(self) -> np.ndarray:

@@ -137,10 +137,13 @@ class Track:
             laws, jumps = sharp(laws, self.period, substeps * PIECES) if self.long else (laws, ())
             whole = self.windows.ctrl[:, : self.lengths.max()]
             given = inputs.pieces(laws, replace(self.windows, ctrl=whole))
+            starts = inputs.at_starts(laws, given, substeps * PIECES)
             given = given.reshape(len(given), -1, substeps * PIECES, given.shape[2])
             values = given if jumps else given.reshape(*given.shape[:2], substeps, PIECES, -1).mean(3)
             last = list(self._given.items())[-1:]
-            self._given = dict([*last, (key, Commands(self.flat(values), jumps))])
+            shown = self.late.any() and not jumps
+            instant = self.flat(starts) if shown else None
+            self._given = dict([*last, (key, Commands(self.flat(values), jumps, instant))])
         return self._given[key]
 
     def ahead(
@@ -182,6 +185,10 @@ class Track:
     def _ahead(self, model: mujoco.MjModel, states: States, ctrl: Commands, force, least: int, gears) -> Step:
         read, every = [], bool(self.late.any())
         advance = self._advancing(tuple(gear.site for gear in gears))
+        if ctrl.instant is not None:
+            self.steps += len(states)
+            now = states.qpos, states.qvel, states.act, ctrl.instant[:, None], force, False
+            shown = advance(model, gears, *now)[3]
         for leg, given in ctrl.legs(model, self.period, least):
             *after, readings = advance(leg, gears, states.qpos, states.qvel, states.act, given, force, every)
             self.steps += (given.shape[1] if given.ndim == 3 else round(self.period / leg.opt.timestep)) * len(states)
@@ -189,6 +196,8 @@ class Track:
             states = States(*after)
         if not every:
             return Step(states, read[0])
+        if ctrl.instant is not None:
+            read[0][:, 0] = shown
         even = len(read) == 1 and read[0].shape[1] > 1  # legs between jumps of commands are not
         return Step(states, read[0][:, 0], read[0] if even else None)
 
