@@ -78,3 +78,37 @@ def test_no_line_leads_from_one_sample_to_the_next(delay, expected):
     read = EFFECTS["sensor_delay"].law(rows, replace(signal, parts=4), "felt", delay=delay)
     np.testing.assert_allclose(read[0, ::4, 1], expected, atol=1e-9)
     np.testing.assert_array_equal(read[..., 0], rows[..., 0])
+
+
+LATES = {
+    "command_delay": {"delay": 0.002 * PERIOD},
+    "actuator_lag": {"time": 0.002 * PERIOD},
+}
+
+
+@pytest.mark.parametrize("late_by", LATES)
+def test_a_command_that_is_late_however_little_is_felt_after_the_sample(late_by):
+    """What an accelerometer reads at the very moment of a command is what the last one did."""
+    track = prepare(late()).track
+    law = Placed(EFFECTS[late_by], "motor", LATES[late_by])
+    given = track.commands([law])
+    inner = np.flatnonzero(track.run_of == np.roll(track.run_of, 1))
+    np.testing.assert_allclose(given.instant[inner], track.ctrl[inner - 1, 0], atol=1e-6)
+    assert track.commands().instant is None
+    none = track.commands([Placed(EFFECTS[late_by], "motor", EFFECTS[late_by].neutral)])
+    np.testing.assert_allclose(none.instant, track.ctrl[:, 0], atol=1e-9)
+
+
+def test_a_late_command_shows_its_last_in_an_accelerometer_and_in_no_encoder():
+    made = prepare(late())
+    plain = smooth(made.track, made.begun, made.noise)
+    shown = [
+        made.track.ahead(plain.linear.plant.models, plain.states, made.track.commands(laws), plain.tau).readings
+        for laws in ([], [Placed(EFFECTS["command_delay"], "motor", {"delay": 1e-5})])
+    ]
+    np.testing.assert_array_equal(shown[0][:, 0], shown[1][:, 0])
+    changes = np.diff(made.track.ctrl[:, 0, 0])
+    assert (
+        np.abs((shown[1] - shown[0])[1:, 1] + changes)[made.track.run_of[1:] == 0][:-1].max()
+        < 0.02 * np.abs(changes).max()
+    )

@@ -13,7 +13,8 @@ from scipy.special import logsumexp
 from fimpact.deciding import NOTHING
 from fimpact.smoothing.parameters import Parameter
 
-SCALES = np.geomspace(NOTHING, 1.0, 25)  # of the largest size
+COUNT = 25
+SCALES = NOTHING ** ((np.arange(COUNT) + 0.5) / COUNT)  # of the largest size
 
 
 def of_any_scale(effects: Sequence[Hashable], sizes: np.ndarray, doubts: np.ndarray) -> float:
@@ -27,9 +28,9 @@ def of_any_scale(effects: Sequence[Hashable], sizes: np.ndarray, doubts: np.ndar
     whole = 0.0
     for effect in dict.fromkeys(effects):
         own = [i for i, other in enumerate(effects) if other == effect]
-        spread = SCALES[:, None] ** 2 + doubts[own] ** 2
+        spread = np.append(SCALES, 1.0)[:, None] ** 2 + doubts[own] ** 2
         likely = -0.5 * (sizes[own] ** 2 / spread + np.log(spread)).sum(1)
-        whole += float(logsumexp(likely) - np.log(len(SCALES)) - likely[-1])
+        whole += float(logsumexp(likely[:-1]) - np.log(COUNT) - likely[-1])
     return whole
 
 
