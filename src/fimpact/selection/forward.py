@@ -44,8 +44,7 @@ class Search:
         self.alternatives: list[Alternative] = []
         self.dropped, self.failed = set[str](), set[str]()
         self.parts: set[str] = set()  # of whole drives
-        self.slight: set[str] = set()  # small refinements
-        self.weak: set[str] = set()  # worth nothing beside what is in
+        self.slight, self.weak = set[str](), set[str]()  # small refinements; what is worth nothing beside what is in
         self.misses = self.tries = 0
         self.softened: set[tuple[str, frozenset[str]]] = set()  # joints whose gears were refitted, with what
         self.unfitted: list[tuple[Trial, tuple[Placed, ...]]] = []  # qualified, and no fit with it has settled
@@ -174,9 +173,8 @@ class Search:
         if not self.tries:
             self.hint = min((t.p for t in found.tried), default=1.0) if not self.rounds else self.hint
         self.tries += 1
-        self.progress(
-            f"selecting: {len(found.tried)} options tried; {self.spent:.0f} of at most {BUDGET:.0f} simulations done"
-        )
+        done = f"{self.spent:.0f} of at most {BUDGET:.0f} simulations done"
+        self.progress(f"selecting: {len(found.tried)} options tried; {done}")
         return regression, found
 
     def adopt(self, regression: Regression, found: Round, floor: float) -> bool:
@@ -198,10 +196,9 @@ class Search:
         if chosen.option.compound:
             self.track.steps = steps  # no other question goes unasked because this one came first
             self.parts |= {law.name for law in best.placed} - known
-        weak, self.weak = self.weak, set()
+        weak, self.weak, spread = self.weak, set(), regression.dispersion
         best = pruned(self, best, floor)
         self.failed.add(chosen.option.name)
-        spread = regression.dispersion
         if not best.converged or best.loss(spread) > self.current.loss(spread):
             self.alternatives, self.misses, self.weak = others, self.misses + 1, weak
             if not best.converged:  # what comes to nothing keeps no other question from being asked
@@ -209,10 +206,13 @@ class Search:
                 self.unfitted.append((chosen, begun(regression, chosen)[0]))
             return self.misses < RIVALS
         self.current, self.misses = best, 0
+        if not {p.name for p in best.placed} & {*chosen.places}:  # beside the rival that came it may come yet
+            self.failed.remove(chosen.option.name)
         self.rounds.append(found)
         added = tuple(p for p in best.placed if p.name not in known)
         if small and known <= {p.name for p in best.placed}:  # else it stands in the place of what was in
             self.slight |= {p.name for p in added}
+        others = [a for a in others if not {p.name for p in a.placed} & {p.name for p in added}]  # that is the answer
         self.alternatives += [replace(a, placed=(*a.placed, *added)) for a in others]
         return True
 
