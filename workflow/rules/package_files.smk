@@ -15,7 +15,7 @@ TABLES = ["support/tables", "support/atomic_files"]
 TRIAL = [*MODEL, *FORECAST, *PLANNING, *TABLES]
 TRIAL += of("paper", "reference_simulator design search estimate task trial")
 FAMILIES = "actuation contact environment friction masses sensing servos structure transmission"
-CATALOGUE = of("effects", "__init__ base drives gears law_inputs native priors sites touching typical wiring")
+CATALOGUE = of("effects", "__init__ base drives gears law_inputs mounts native priors sites touching typical wiring")
 CATALOGUE += of("effects/families", FAMILIES)
 SHARED = ["__init__", *TABLES, "recordings", *of("benchmark", "archive jsonl")]
 ROBOTS = ["support/mujoco_setup", "benchmark/truth", *of("benchmark/rigs", "planar registry rig robots")]
@@ -45,7 +45,7 @@ PROOF += of(
     "simulation",
     "added_forces compiled horizon hypothesis inputs model_pool nonsmooth rotors servo_steps simulator state_guess window_fit windows",
 )
-PROOF += of("smoothing", "noise_levels parameters prepare servo_lag smoother states step stretches time_step")
+PROOF += of("smoothing", "effect_sizes noise_levels parameters prepare rounds servo_lag smoother states step stretches time_step")
 PROOF += of(
     "smoothing/dynamics",
     "body_inertia dry_friction gear_laws inverse laws linear plain_motors plant response rotor_states sampled_commands side_by_side track",
@@ -54,7 +54,7 @@ PROOF += of("smoothing/filter", "by_run kalman")
 FINDING = [*PROOF, *of("smoothing", "candidates columns simulated_laws"), "effects/classes"]
 FINDING += of(
     "selection",
-    "carried_bodies explanation forward one_round options pruning refit_start regression rivals scanned search_scope servo_drives soft_gears substitutes swaying_bases unnamed_rest",
+    "carried_bodies chance explanation forward one_round options pruning refit_start regression rivals scanned search_scope servo_drives soft_gears substitutes swaying_bases unnamed_rest",
 )
 FINDING += of(
     "diagnosis/identifiability",
