@@ -49,6 +49,7 @@ def test_the_evidence_is_the_marginal_likelihood_of_a_gaussian():
         wide = np.eye(COUNT) + rows[:, kept] @ rows[:, kept].T / own.dispersion
         return stats.multivariate_normal(np.zeros(COUNT), wide).logpdf(data)
 
+    own.sized = lambda *_: 0.0  # the scale of the priors
     told = [own.evidence(own.solve(kept)) for kept in ([0], [1], [0, 2])]
     known = [exact(kept) for kept in ([0], [1], [0, 2])]
     np.testing.assert_allclose(np.diff(told), np.diff(known), rtol=1e-9)
@@ -187,8 +188,8 @@ def test_a_rival_that_was_not_refitted_counts_no_more_than_the_answer(monkeypatc
     monkeypatch.setattr(rivals, "RIVALS", 0)
     option = next(o for o in offered if o.name == "spring@pivot")
     estimate = asked.solve([0, asked.p + asked.columns.of(option.members[0])[0]])
-    chosen = SimpleNamespace(option=SimpleNamespace(order=0, compound=False))
-    trial = SimpleNamespace(option=option, estimate=estimate)
+    chosen = SimpleNamespace(option=SimpleNamespace(order=0, compound=False), places=("coulomb@pivot",))
+    trial = SimpleNamespace(option=option, estimate=estimate, places=("spring@pivot",))
     found = SimpleNamespace(chosen=chosen, rivals=((trial, 1e4),))
     assert among_rivals(state, asked, found, state.current) is state.current
     assert [a.weight for a in state.alternatives] == [1.0]

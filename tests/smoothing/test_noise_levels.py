@@ -10,7 +10,7 @@ from recorded import ROD, record, rod, waves
 from fimpact.deciding import FALL, TRUSTED
 from fimpact.effects import EFFECTS
 from fimpact.selection.forward import Search
-from fimpact.smoothing import smoother
+from fimpact.smoothing import rounds
 from fimpact.smoothing.candidates import Candidate, at
 from fimpact.smoothing.columns import motion_scales
 from fimpact.smoothing.dynamics.dry_friction import Rubbing
@@ -189,7 +189,7 @@ def test_what_comes_to_rest_on_the_way_rests_too(monkeypatch):
         blind = np.arange(len(found.rests)) % 2 == (len(asked) > 1)  # half of it, and later the other half
         return replace(found, rests=found.rests & ~blind[:, None])
 
-    monkeypatch.setattr(smoother, "resting", blinded)
+    monkeypatch.setattr(rounds, "resting", blinded)
     fit = rubbed(held()[1])
     both = asked[0] & asked[1]
     assert both.sum() > 100 and fit.levels.rests[both].all()
