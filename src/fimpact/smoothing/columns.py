@@ -57,8 +57,10 @@ class Columns:
         return [i for i, (owner, _) in enumerate(self.owners) if owner == candidate]
 
     def is_amplitude(self, column: int) -> bool:
-        """Whether a candidate's column is one of its amplitudes, and not all of an effect at some of its values."""
-        return self.candidates[self.owners[column][0]].effect.linear
+        """Whether a candidate's column is one of its amplitudes, of whatever size, and not all of an effect at some of
+        its values."""
+        effect = self.candidates[self.owners[column][0]].effect
+        return effect.linear and not effect.sized
 
 
 def columns(smoothed: Smoothed, tried: Sequence[Candidate], known: Simulated | None = None) -> Columns:
