@@ -45,7 +45,7 @@ PROOF += of(
     "simulation",
     "added_forces compiled horizon hypothesis inputs model_pool nonsmooth rotors servo_steps simulator state_guess window_fit windows",
 )
-PROOF += of("smoothing", "effect_sizes noise_levels parameters prepare rounds servo_lag smoother states step stretches time_step")
+PROOF += of("smoothing", "noise_levels parameters prepare rounds servo_lag smoother states step stretches time_step")
 PROOF += of(
     "smoothing/dynamics",
     "body_inertia dry_friction gear_laws inverse laws linear plain_motors plant response rotor_states sampled_commands side_by_side track",

@@ -98,7 +98,6 @@ class Effect:
         commanded at most: for a law of commands that has no slope there.
     side_by_side: a law that remembers may be asked for several hypotheses at once: its values are (n,) each, and so is
         all that the `Shaft` of a gear holds, whatever its site; of each value, all are neutral or none is.
-    sized: its priors say how large it is, not how large it is at most.
     shifts_time: what it reads or commands comes at another time than the log says, perhaps between two samples.
     """
 
@@ -125,7 +124,6 @@ class Effect:
     least: Callable[[Scales, mujoco.MjModel, str], Values] = lambda *_: {}
     scan: Callable[[float, float], np.ndarray] | None = None
     side_by_side: bool = False
-    sized: bool = False
     shifts_time: bool = False
 
     def __post_init__(self):

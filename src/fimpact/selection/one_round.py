@@ -16,9 +16,8 @@ from fimpact.deciding import P_ALARM, REFINES, TIED, UNLIKELY
 from fimpact.effects.sites import measured_by
 from fimpact.selection.chance import RARE, chance, least
 from fimpact.selection.options import Option
-from fimpact.selection.regression import Estimate, Regression
+from fimpact.selection.regression import Estimate, Regression, inverse
 from fimpact.smoothing.dynamics.linear import inverse_of_push
-from fimpact.smoothing.effect_sizes import inverse
 
 
 @dataclass(frozen=True)

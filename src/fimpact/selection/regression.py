@@ -6,14 +6,13 @@ not from its neighbours either (Burman, Chow, Nolan, Biometrika 81(2), 1994); co
 """
 
 import copy
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from fimpact.smoothing.columns import Columns
-from fimpact.smoothing.effect_sizes import inverse, is_amplitude, of_any_scale
 from fimpact.smoothing.parameters import is_shape
 from fimpact.smoothing.smoother import Smoothed
 from fimpact.smoothing.step import occam
@@ -115,20 +114,7 @@ class Regression:
         numbers = [self.smoothed.numbers[i] for i in kept if i < self.p]  # candidates are in units of their prior
         away = sum(n.away**2 for n in numbers)
         prior = occam(numbers, information[: len(numbers), : len(numbers)], self.smoothed.count)
-        sized = self.sized(found.kept, found.values, inverse(information))
-        return sized - 0.5 * float(found.loss + away + prior + np.linalg.slogdet(information)[1])
-
-    def sized(self, kept: Iterable[int], values: np.ndarray, covariance: np.ndarray) -> float:
-        """`of_any_scale` of the amplitudes among the columns `kept`, (k,), from their covariance, (k, k)."""
-        found = []
-        for column, value, variance in zip(kept, values, np.diag(covariance), strict=True):
-            doubt, n = np.sqrt(max(variance, 0.0)), self.smoothed.numbers[column] if column < self.p else None
-            if n and is_amplitude(n):
-                found.append((n.place, n.moved(value).value / n.sd, doubt * abs(n.slope) / n.sd))
-            elif n is None and self.columns.is_amplitude(column - self.p):
-                found.append((-1 - self.columns.owners[column - self.p][0], value, doubt))
-        effects, sizes, doubts = zip(*found, strict=True) if found else ((), (), ())
-        return of_any_scale(effects, np.array(sizes), np.array(doubts))
+        return -0.5 * float(found.loss + away + prior + np.linalg.slogdet(information)[1])
 
     def without(self, places: Collection[int]) -> "Regression":
         """The same data where the effects number `places` have been taken away; `smoothed` is still with them."""
@@ -225,6 +211,12 @@ class Regression:
         along = self.scores(after) @ step[list(after.kept)]
         gain = self.dispersion * (before.loss - after.loss)
         return gain, max(1.0, float((along**2).sum() / gain)) if gain > 0 else 1.0
+
+
+def inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric matrix whose columns may differ in size by orders of magnitude."""
+    scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
+    return np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
 
 
 def _ridge(gram: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -14,8 +14,7 @@ from fimpact.deciding import UNLIKELY
 from fimpact.effects.base import Placed
 from fimpact.selection.chance import least
 from fimpact.selection.options import Option
-from fimpact.selection.regression import Estimate, Regression
-from fimpact.smoothing.effect_sizes import inverse
+from fimpact.selection.regression import Estimate, Regression, inverse
 
 NOTHING = "nothing"  # in place of an effect
 
@@ -100,5 +99,4 @@ def _beside(
         block = inner[np.ix_(own, own)]
         values = np.linalg.solve(block, left[own])
         if not (regression.positive[rest[own]] & (values < 0)).any():
-            likelier = 0.5 * float(left[own] @ values - np.linalg.slogdet(block)[1])
-            yield option, list(rest[own]), known + likelier + regression.sized(rest[own], values, inverse(block))
+            yield option, list(rest[own]), known + 0.5 * float(left[own] @ values - np.linalg.slogdet(block)[1])

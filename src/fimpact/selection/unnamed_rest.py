@@ -168,7 +168,7 @@ def _weighted(dof: int, what: str, rows: np.ndarray, size: float, rates: np.ndar
 
     none = dict.fromkeys(names, 0.0)
     effect = Effect(
-        what, "leftover", "", "", "", "force", coefficients, lambda *_: [], lambda *_: [], law, none, sized=True,
+        what, "leftover", "", "", "", "force", coefficients, lambda *_: [], lambda *_: [], law, none,
     )  # fmt: skip
     some = dict.fromkeys(names, size)
     return Candidate(effect, str(dof), {}, names, (size,) * len(names), (False,) * len(names), some, {}, some)

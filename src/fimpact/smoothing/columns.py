@@ -56,12 +56,6 @@ class Columns:
         """Columns, counted from the first candidate's, of one candidate."""
         return [i for i, (owner, _) in enumerate(self.owners) if owner == candidate]
 
-    def is_amplitude(self, column: int) -> bool:
-        """Whether a candidate's column is one of its amplitudes, of whatever size, and not all of an effect at some of
-        its values."""
-        effect = self.candidates[self.owners[column][0]].effect
-        return effect.linear and not effect.sized
-
 
 def columns(smoothed: Smoothed, tried: Sequence[Candidate], known: Simulated | None = None) -> Columns:
     """Whitened columns of everything that is tried; what changes nothing, or diverges, is left out.

@@ -14,7 +14,6 @@ from scipy.optimize import lsq_linear
 from fimpact.deciding import CONFIDENCE, STILL, TRUST
 from fimpact.smoothing.dynamics.linear import Linear
 from fimpact.smoothing.dynamics.track import Track
-from fimpact.smoothing.effect_sizes import scales_unknown
 from fimpact.smoothing.filter.by_run import Filtered, filtered, swept, variances
 from fimpact.smoothing.noise_levels import Levels, Pace, moved_by, nearer
 from fimpact.smoothing.parameters import Parameter
@@ -106,7 +105,7 @@ def solve(
         1,
     )
     known = np.isfinite(own.sd)
-    prior = occam(numbers, information, int(known.sum())) - 2 * scales_unknown(numbers, information)
+    prior = occam(numbers, information, int(known.sum()))
     volume = _volume(information) if len(information) and np.isfinite(chi2) else 0.0
     fit, cost = 0.5 * (2 * np.log(own.sd[known]).sum() + chi2), 0.5 * (penalty + volume + prior)
     # Not white noise's infinity: where nothing was read, nothing surprises.
