@@ -32,6 +32,7 @@ def test_a_step_that_leaves_the_readings_behind_runs_away(before, now, away):
         ([-110, -130, -112], 0.0, False),
         ([5, -119, -112], 0.0, False),
         ([-110, -111], np.inf, False),
+        ([], 0.0, False),
     ],
 )
 def test_rounds_to_and_fro_are_ahead_where_they_differ_by_less_than_a_tenth_of_it(losses, bar, ahead):

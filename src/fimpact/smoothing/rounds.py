@@ -68,4 +68,6 @@ def runs_away(found: Solved, before: Solved | None, count: int) -> bool:
 def is_ahead(losses: Sequence[float], bar: float) -> bool:
     """Whether rounds that go to and fro, as where a contact begins in one sample or the next, have long been ahead of
     `bar`, and differ by less than a tenth of that."""
-    return bool(np.isfinite(bar)) and max(losses) - min(losses) < REFINES * (bar - max(losses))
+    if not losses or not np.isfinite(bar):
+        return False
+    return max(losses) - min(losses) < REFINES * (bar - max(losses))
