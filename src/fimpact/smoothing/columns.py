@@ -135,8 +135,8 @@ class _Maker:
     def __init__(self, smoothed: Smoothed):
         self.smoothed, self.track = smoothed, smoothed.track
         # The trajectory of the last derivatives is as good as the last one for what they decide.
-        plant, inverse = smoothed.linear.plant, smoothed.linear.response.inverse
-        self.response = Response(plant, smoothed.states, smoothed.tau, inverse)
+        linear = smoothed.linear
+        self.response = Response(linear.plant, smoothed.states, smoothed.tau, linear.response)
         self.plant = self.response.plant
         given = self.plant.ctrl
         self.told = replace(given, values=predicted_commands(self.track, given.values, smoothed.tau))

@@ -68,7 +68,7 @@ def linearise(
     theta = theta_of(numbers) if theta is None else theta
     plant = plant_of(track, placed, theta, states, tau, doubt, sign, surprise)
     kept = like if like is not None and like.slopes.hold(plant) else None
-    response = Response(plant, states, tau, None if kept is None else kept.response.inverse)
+    response = Response(plant, states, tau, None if kept is None else kept.response)
     slopes = response.slopes(spread) if kept is None else kept.slopes
     changes = {}
     for index, number in enumerate(numbers):

@@ -13,6 +13,7 @@ from fimpact.smoothing.dynamics.inverse import EDITED, RESTING, Inverse, edits
 from fimpact.smoothing.dynamics.laws import read_by
 from fimpact.smoothing.dynamics.plant import Plant
 from fimpact.smoothing.dynamics.sampled_commands import Commands
+from fimpact.smoothing.dynamics.softness import Place, held_by, ratios, softened
 from fimpact.smoothing.dynamics.track import Step
 from fimpact.smoothing.states import States
 
@@ -65,6 +66,9 @@ class Change:
         """So many times the same."""
         return Change(self.after * factor, self.readings * factor, self.force * factor)
 
+    def __add__(self, other: "Change") -> "Change":
+        return Change(self.after + other.after, self.readings + other.readings, self.force + other.force)
+
     @property
     def finite(self) -> bool:
         """Whether it is a number everywhere, and something."""
@@ -79,11 +83,12 @@ class Response:
     its like makes of a steady push a drift.
     """
 
-    def __init__(self, plant: Plant, states: States, tau: np.ndarray, inverse: Inverse | None = None):
+    def __init__(self, plant: Plant, states: States, tau: np.ndarray, like: "Response | None" = None):
         self.plant, self.states, self.tau = plant.coarse, states, tau
         self.track = plant.track
         self.long = is_long(plant.model, self.track.period)
-        self.inverse = inverse or Inverse(self.track, states)
+        self.inverse = like.inverse if like else Inverse(self.track, states)
+        self.softness: dict[Place, Change] = like.softness if like else {}  # by those of what holds something
         self._told: tuple[Commands, Step] | None = None
         self.simulated = 0  # changes so far that took a simulation
 
@@ -143,9 +148,13 @@ class Response:
         if told is not None:
             plant, near = replace(plant, ctrl=told), self._under(told)
         self.simulated += 1
-        found = plant.coarse.step(self.states, self.tau * heavier(plant.model, self.plant.model))
-        nothing = self.nothing()
-        return Change(self.track.space.minus(found.after, near.after), found.readings - near.readings, nothing.force)
+        return self._more(plant, near, self.tau * heavier(plant.model, self.plant.model))
+
+    def _more(self, plant: Plant, near: Step, tau: np.ndarray) -> Change:
+        """What `plant` does with `tau`, (N, nv), more than `near`."""
+        found = plant.coarse.step(self.states, tau)
+        after = self.track.space.minus(found.after, near.after)
+        return replace(self.nothing(), after=after, readings=found.readings - near.readings)
 
     def _held(self, plant: Plant, told: Commands | None) -> Change | None:
         # A force that follows the position hardly changes within a sample, however stiff the servo.
@@ -162,7 +171,21 @@ class Response:
         if force is None:
             return None
         force = force + plant.force - self.plant.force + self.tau * (heavier(after, before) - 1.0)
-        return Change(self.nothing().after, self._read(plant), force)
+        return self._softer(after, Change(self.nothing().after, self._read(plant), force))
+
+    def _softer(self, after: mujoco.MjModel, held: Change) -> Change:
+        """`held`, and what it does that contacts and limits are held more softly, or less, under `after`."""
+        for place, ratio in ratios(self._holding, after, self.plant.model).items():
+            if place not in self.softness:
+                model, part = softened(self.plant.model, place)
+                softer = self._more(replace(self.plant, models=(model,)), self.near, self.tau)
+                self.softness[place] = softer.scaled(1 / part)
+            held += self.softness[place].scaled(ratio)
+        return held
+
+    @cached_property
+    def _holding(self) -> list[Place]:
+        return held_by(self.track, self.plant.model, self.states)
 
     def _read(self, plant: Plant) -> np.ndarray:
         """What laws of sensors and gears change of the readings."""
