@@ -19,7 +19,8 @@ from fimpact.smoothing.smoother import smooth
 HOPPER = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
 <body name="hopper" pos="0 0 0.1"><joint name="rail" type="slide" axis="0 0 1"/><geom name="foot" size="0.1" mass="1"/>
 <body name="mast" pos="0 0 0.1"><joint name="sway" axis="0 1 0" damping="0.05"/>
-<geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.02" mass="0.3" contype="0" conaffinity="0"/></body></body></worldbody>
+<geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.02" mass="0.3" contype="0" conaffinity="0"/>
+</body></body></worldbody>
 <contact><pair geom1="floor" geom2="foot" solref="0.05 1" solimp="0.01 0.95 0.01"/></contact>
 <actuator><motor name="lift" joint="rail"/><motor name="swing" joint="sway"/></actuator>
 <sensor><jointpos name="height" joint="rail"/><jointpos name="angle" joint="sway"/></sensor></mujoco>"""
