@@ -13,7 +13,7 @@ from fimpact.selection.options import Option, options, with_parts
 from fimpact.selection.pruning import pruned
 from fimpact.selection.refit_start import begun, held_by, is_sum, with_held
 from fimpact.selection.regression import Regression
-from fimpact.selection.rivals import among_rivals, exchanged
+from fimpact.selection.rivals import among_rivals, exchanged, weighed
 from fimpact.selection.scanned import scanned
 from fimpact.selection.search_scope import Limits
 from fimpact.selection.servo_drives import refitted_whole
@@ -147,7 +147,10 @@ class Search:
             later = search(regression, offered, self.whole(self.current, REFINES), REFINES)
             if later.chosen is not None:
                 return self.adopt(regression, later, REFINES)
-        self.rounds += [] if self.tries > 1 or self.rounds else [found]
+        first = self.tries == 1 and not self.rounds
+        self.rounds += [found] if first else []
+        if first and not self.current.placed:
+            return weighed(self, regression, found)
         return exchanged(self, regression, self.offered(self.open()))
 
     def _settle(self) -> None:

@@ -9,9 +9,10 @@ from itertools import combinations
 
 import numpy as np
 
-from fimpact.deciding import RIVALS, TIED, UNLIKELY
+from fimpact.deciding import P_ALARM, RIVALS, TIED, UNLIKELY
 from fimpact.selection.one_round import Round, Trial
 from fimpact.selection.options import Option, joint_at
+from fimpact.selection.pruning import pruned
 from fimpact.selection.refit_start import held_by
 from fimpact.selection.regression import Regression
 from fimpact.selection.substitutes import Alternative, Exchange, exchanges
@@ -36,15 +37,16 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
     others = [e for e in others if not search.is_second_gear(tried, e.option, e.places)]
     others = [e for e in others if e.option.name not in sums or _takes_more(search, tried, e)]
     others = [e for e in others if e.option.members or len(e.places) < 2]
-    # What stretches that were not fitted do not bear out is refitted where it would be far likelier: it may have been
-    # followed too far along its tangent. Of all others of the set no tangent says which ties go to them.
-    asked = [e for e in others if e.weight > (UNLIKELY if e.sure else np.exp(TIED))][:RIVALS]
-    found = []
+    # No tangent says which ties go to what is not sure, but a refit may say that what is in has left the set.
+    asked, found = others[:RIVALS], []
+    more = np.log(len(offered)) if offered else 0.0  # of each effect, which is one of as many
     for other in asked:
         fit = search.refitted(regression, other, other.places)
         ahead = search.current.loss(spread) - fit.loss(spread) if fit.converged else -np.inf
+        ahead += more * bool(other.option.members) * (len(search.current.placed) - len(fit.placed))
         fewer = (len(fit.numbers), len(fit.placed)) < (len(search.current.numbers), len(search.current.placed))
-        if other.sure and ahead > (-TIED if fewer else TIED):
+        bar = (-TIED if fewer else TIED) if other.sure else -np.log(UNLIKELY)
+        if ahead > bar:
             gone = " and ".join(search.current.placed[i].name for i in other.places)
             search.progress(f"selecting: {other.option.name} in place of {gone}")
             before = Alternative(search.current.placed, search.current.theta, float(np.exp(-ahead)))
@@ -64,6 +66,28 @@ def exchanged(search, regression: Regression, offered: Sequence[Option]) -> bool
             search.alternatives.append(own)
             known.add(names)
     return False
+
+
+def weighed(search, regression: Regression, found: Round) -> bool:
+    """Refit the strongest hints where no more than chance was found, and keep what is likelier beyond chance.
+
+    The missing force of a fit has grown with what is missing, which hides in it; a refit needs less of it.
+    """
+    hints = {t.places: t for t in sorted(found.tried, key=lambda t: -t.p) if t.p < 1 and len(t.option.members) == 1}
+    if not hints:
+        return False
+    strongest, *others = list(hints.values())[: -RIVALS - 1 : -1]
+    asked = Round(strongest, tuple((trial, 1.0) for trial in others), found.tried)
+    steps, before, spread = search.track.steps, search.current, regression.dispersion
+    best = pruned(search, among_rivals(search, regression, asked, search.refitted(regression, strongest)))
+    search.track.steps = steps  # what comes to nothing keeps no other question from being asked
+    odds = np.log(len(search.candidates)) + best.loss(spread) - before.loss(spread)
+    if not (best.converged and best.placed and odds < np.log(P_ALARM)):
+        search.alternatives, search.weak = [], set()
+        return False
+    search.current, search.hint = best, min(search.hint, float(np.exp(odds)))
+    search.rounds.append(asked)
+    return True
 
 
 def standing_alone(search) -> list[int]:

@@ -21,8 +21,9 @@ from fimpact.smoothing.smoother import Smoothed, smooth
 
 
 def softened(search) -> bool:
-    """Put a gear that gives in the place of all that is named at its joint but the parts of a whole drive, or, where
-    nothing is named, at the servo at which most is left without a name; False where none is likelier.
+    """Put a gear that gives in the place of all that is named at its joint but the parts of a whole drive, of one that
+    gives otherwise too, or, where nothing is named, at the servo at which most is left without a name; False where none
+    is likelier.
 
     What is as likely joins the set.
     """
@@ -32,7 +33,7 @@ def softened(search) -> bool:
         # What takes the place of others needs be no likelier; what comes beside them must be more than chance.
         bar = -TIED if len(out) > 1 else TIED if out else np.log(len(search.candidates) / P_ALARM)
         least = before.loss() - (bar if not out else np.log(UNLIKELY))
-        fits = [refitted_with(search, [candidate], out, least) for candidate in _gears(search, joint)]
+        fits = [refitted_with(search, [candidate], out, least) for candidate in _gears(search, joint, out)]
         fits = [fit for fit in fits if fit.converged]
         if not fits:
             continue
@@ -56,8 +57,7 @@ def _asked(search) -> Iterator[tuple[str, list[int]]]:
     which columns tell a gear that gives from any one effect, those where two are. Each with the same names once."""
     fit, model = search.current, search.track.model
     joints = list(dict.fromkeys(c.site for c in search.listed if turning(search.track, [c.placed_as({})])))
-    given = {law.site for law in fit.placed if law.effect.enters == "gear"}
-    at: dict[str, list[int]] = {joint: [] for joint in joints if joint not in given}
+    at: dict[str, list[int]] = {joint: [] for joint in joints}
     for i in standing_alone(search):
         joint = joint_at(model, fit.placed[i].site)
         if joint in at:
@@ -79,9 +79,10 @@ def _left(fit: Smoothed, dof: int) -> float:
     return float(np.log(fit.filter.sd[known] / without).sum())
 
 
-def _gears(search, joint: str) -> list[Candidate]:
+def _gears(search, joint: str, out: Sequence[int]) -> list[Candidate]:
     found = {c.effect.name: c for c in search.listed if c.site == joint and c.effect.enters == "gear"}
-    return [c for c in found.values() if turning(search.track, [c.placed_as({})])]
+    same = [search.current.placed[i].name for i in out]
+    return [c for c in found.values() if [c.name] != same and turning(search.track, [c.placed_as({})])]
 
 
 def refitted_with(search, tried: Sequence[Candidate], out: Sequence[int], bar: float) -> Smoothed:
