@@ -33,7 +33,7 @@ def search(xml: str, named: tuple[str, ...]) -> Search:
     [
         (SERVO, (), [("pivot", [])]),
         (SERVO, ("coulomb",), [("pivot", [0])]),
-        (SERVO, ("backlash",), []),
+        (SERVO, ("backlash",), [("pivot", [0])]),
         (ROD, (), []),
         (ROD, ("coulomb",), []),
         (ROD, ("coulomb", "torque_offset"), [("pivot", [0, 1])]),

@@ -87,7 +87,7 @@ class Response:
         self.plant, self.states, self.tau = plant.coarse, states, tau
         self.track = plant.track
         self.long = is_long(plant.model, self.track.period)
-        self.inverse = like.inverse if like else Inverse(self.track, states)
+        self.inverse: Inverse = like.inverse if like else Inverse(self.track, states)
         self.softness: dict[Place, Change] = like.softness if like else {}  # by those of what holds something
         self._told: tuple[Commands, Step] | None = None
         self.simulated = 0  # changes so far that took a simulation
