@@ -157,7 +157,7 @@ def test_one_effect_takes_the_place_of_two_that_do_its_work_together():
     assert [(e.places, e.sure) for e in found] == [((0, 1), True)] and found[0].weight > 1
 
 
-def test_what_is_far_likelier_but_not_surely_better_joins_the_set(monkeypatch):
+def test_what_is_as_likely_when_refitted_joins_the_set(monkeypatch):
     state, asked, offered = begun_with(0.15, "coulomb", "pivot")
     other = next(i for i, option in enumerate(offered) if option.name == "spring@pivot")
     estimate = asked.solve([0, asked.p + asked.columns.of(offered[other].members[0])[0]])
