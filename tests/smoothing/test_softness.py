@@ -12,7 +12,7 @@ from fimpact.recordings import Unknown
 from fimpact.smoothing.dynamics import response as module
 from fimpact.smoothing.dynamics.plant import plant_of
 from fimpact.smoothing.dynamics.response import Response
-from fimpact.smoothing.dynamics.softness import held_by, ratios, softened
+from fimpact.smoothing.dynamics.softness import held_by, ratios, with_softer
 from fimpact.smoothing.prepare import prepare
 from fimpact.smoothing.smoother import smooth
 
@@ -86,6 +86,6 @@ def test_only_what_holds_something_counts():
 def test_what_the_world_holds_has_no_softness_of_its_own():
     model = mujoco.MjModel.from_xml_string(HOPPER)
     world, hopper = ("body_invweight0", (0, 0)), ("body_invweight0", (1, 0))
-    softer, part = softened(model, hopper)
+    softer, part = with_softer(model, hopper)
     assert ratios([world, hopper], softer, model) == {hopper: pytest.approx(part)}
     assert ratios([hopper], model, model) == {}

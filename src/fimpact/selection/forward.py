@@ -85,17 +85,14 @@ class Search:
         return [c for c in self.candidates if c.name in self.weak & self.parts]
 
     def _refines(self, candidate: Candidate) -> bool:
-        families = {p.effect.name for p in self.current.placed}
-        return bool(set(candidate.effect.refines) & families) and self._has_its_family(candidate)
+        refines, model = candidate.effect.refines, self.track.model
+        places = {p.site for p in self.current.placed if p.effect.name in refines}
+        return bool(places) and (candidate.site in places or not places & set(candidate.effect.sites(model, ())))
 
     def is_second_gear(self, tried: Sequence[Candidate], option: Option, out: Collection[int] = ()) -> bool:
         """Whether an option of `tried` puts a gear that gives where another does, but for the effects number `out`."""
         held = {p.site for i, p in enumerate(self.current.placed) if p.effect.enters == "gear" and i not in out}
         return any(tried[i].effect.enters == "gear" and tried[i].site in held for i in option.members)
-
-    def _has_its_family(self, candidate: Candidate) -> bool:
-        places = {p.site for p in self.current.placed if p.effect.name in candidate.effect.refines}
-        return candidate.site in places or not places & set(candidate.effect.sites(self.track.model, ()))
 
     def searched(self, tried: list[Candidate]) -> tuple[Regression, Round]:
         """Columns of what is tried beside what is in, and the best of them; what is worth most is simulated truly."""

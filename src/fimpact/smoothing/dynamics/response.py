@@ -13,7 +13,7 @@ from fimpact.smoothing.dynamics.inverse import EDITED, RESTING, Inverse, edits
 from fimpact.smoothing.dynamics.laws import read_by
 from fimpact.smoothing.dynamics.plant import Plant
 from fimpact.smoothing.dynamics.sampled_commands import Commands
-from fimpact.smoothing.dynamics.softness import Place, held_by, ratios, softened
+from fimpact.smoothing.dynamics.softness import Place, held_by, ratios, with_softer
 from fimpact.smoothing.dynamics.track import Step
 from fimpact.smoothing.states import States
 
@@ -177,7 +177,7 @@ class Response:
         """`held`, and what it does that contacts and limits are held more softly, or less, under `after`."""
         for place, ratio in ratios(self._holding, after, self.plant.model).items():
             if place not in self.softness:
-                model, part = softened(self.plant.model, place)
+                model, part = with_softer(self.plant.model, place)
                 softer = self._more(replace(self.plant, models=(model,)), self.near, self.tau)
                 self.softness[place] = softer.scaled(1 / part)
             held += self.softness[place].scaled(ratio)

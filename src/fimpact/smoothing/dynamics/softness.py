@@ -55,7 +55,7 @@ def ratios(places: list[Place], after: mujoco.MjModel, before: mujoco.MjModel) -
     return found
 
 
-def softened(model: mujoco.MjModel, place: Place) -> tuple[mujoco.MjModel, float]:
+def with_softer(model: mujoco.MjModel, place: Place) -> tuple[mujoco.MjModel, float]:
     """A copy of `model` with one inverse inertia larger, and by which share of it."""
     softer, (name, index) = copy.copy(model), place
     getattr(softer, name)[index] *= 1 + PART
