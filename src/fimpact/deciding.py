@@ -8,13 +8,13 @@ ROUNDS = 20  # steps of a fit at most; what is not still then is never used as i
 LOUDER = (30.0, 15.0, 8.0, 4.0, 2.0)  # times their noise: sensors of force and acceleration come in so (METHOD 2)
 SWITCH = 2  # samples before and after a contact begins or ends that belong to neither mode
 TRUSTED = (0.1, 30.0)  # times what the samples show: noise levels of the readings that are believed
+STAMPED = 0.01  # of a sample: sd of the clock of a run against that of its commands, however it is stamped
 HELD = 2.0  # decays within a sample, of a speed or of what bends a servo: beyond, no force is held over it
-DOUBT = 1.0  # standard deviation, over all readings: the error of a time step that is fine enough moves them by less
 
 # Selection
 P_ALARM = 0.01  # family-wise chance of a false alarm, over all hypotheses that are tried
 UNLIKELY = 0.05  # relative likelihood below which a rival has left the set
-TIED = 1.0  # twice log likelihoods: less is not worth a mention (Kass and Raftery 1995); the engineer's order decides
+TIED = 1.0  # twice log likelihoods: less is not worth a mention (Kass and Raftery 1995); of a time step no error
 SHARE = 0.02  # of the squared missing force at its place: less is no explanation an expert would give (METHOD 6)
 REFINES = 0.10  # of what is left at its place: least share of what is asked for beside what is in (METHOD 5.6)
 MOSTLY = 0.5  # of what is left at its place: a refinement that takes less is told as small

@@ -9,7 +9,7 @@ import pytest
 from recorded import BALL, ROD, record, waves
 
 import fimpact.smoothing.time_step as refinement
-from fimpact.deciding import DOUBT
+from fimpact.deciding import TIED
 from fimpact.effects.sites import contacts
 from fimpact.effects.touching import can_touch
 from fimpact.smoothing.dynamics.plant import Plant, plant_of
@@ -131,4 +131,4 @@ def test_the_error_of_the_step_is_that_of_an_effect():
     assert refinement.step_error(replace(fit, chi2=np.inf)) == np.inf
     finer = refinement.settled(fit, made.begun, made.noise)
     assert finer.track.simulator.refine > 1 and finer.track.quanta > fit.track.quanta  # what was simulated counts on
-    assert refinement.step_error(finer) < DOUBT or finer.track.simulator.refine == FINEST
+    assert refinement.step_error(finer) ** 2 < TIED or finer.track.simulator.refine == FINEST

@@ -48,7 +48,7 @@ PROOF += of(
 PROOF += of("smoothing", "noise_levels parameters prepare rounds servo_lag smoother states step stretches time_step")
 PROOF += of(
     "smoothing/dynamics",
-    "body_inertia dry_friction gear_laws inverse laws linear plain_motors plant response rotor_states sampled_commands side_by_side softness track",
+    "body_inertia clock dry_friction gear_laws inverse laws linear plain_motors plant response rotor_states sampled_commands side_by_side softness track",
 )
 PROOF += of("smoothing/filter", "by_run kalman")
 FINDING = [*PROOF, *of("smoothing", "candidates columns simulated_laws"), "effects/classes"]

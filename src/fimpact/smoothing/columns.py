@@ -105,7 +105,7 @@ def _swept(smoothed: Smoothed, changes: Sequence[Change], tried, owners) -> Colu
     p = linear.left.shape[2]
     whole, means = linear, np.zeros((track.count, track.model.nv, p + len(owners)))
     if changes:
-        after = linear.rubbed @ np.stack([c.after for c in changes], 2)
+        after = linear.moved(np.stack([c.after for c in changes], 2))
         left = np.stack([-c.readings for c in changes], 2)
         whole = replace(
             linear,

@@ -35,7 +35,8 @@ class Fitted:
         """
         assert self.levels is not None
         n, numbers, levels = self.states.size, self.numbers, self.levels
-        states, tau = track.space.plus(self.states, found.change[:, :n]), self.tau + found.change[:, n:]
+        states = track.space.plus(self.states, found.change[:, :n])
+        tau = self.tau + found.change[:, -track.model.nv :]
         doubt = found.doubts(linear, track)
         if numbers:
             numbers = [number.moved(step) for number, step in zip(numbers, found.step, strict=True)]

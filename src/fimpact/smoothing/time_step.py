@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fimpact.deciding import DOUBT
+from fimpact.deciding import TIED
 from fimpact.effects.touching import can_touch
 from fimpact.recordings import Recording, Run
 from fimpact.simulation.simulator import Simulator
@@ -43,7 +43,7 @@ def settled(fit: Smoothed, begun: States, noise: np.ndarray, progress: Callable 
     Args:
         begun, noise: as in `smooth`.
     """
-    while fit.track.simulator.refine < FINEST and not step_error(fit) < DOUBT:
+    while fit.track.simulator.refine < FINEST and not step_error(fit) ** 2 < TIED:
         track = _at_half(fit.track)
         progress(f"smoothing: {track.simulator.substeps} time steps in a sample")
         for like in (fit if np.isfinite(fit.chi2) else None, None):
@@ -65,7 +65,7 @@ def step_error(fit: Smoothed) -> float:
     for own in (track, _at_half(track)):
         plant = plant_of(own, fit.placed, fit.theta, fit.states, fit.tau, fit.doubt, sign, linear.plant.surprise)
         ends.append(plant.step(fit.states, fit.tau))
-    after = linear.rubbed @ track.space.minus(ends[1].after, ends[0].after)[:, :, None]
+    after = linear.moved(track.space.minus(ends[1].after, ends[0].after)[:, :, None])
     left = (ends[0].readings - ends[1].readings)[:, :, None]
     if not (np.isfinite(after).all() and np.isfinite(left).all()):
         return np.inf

@@ -7,6 +7,7 @@ import numpy as np
 
 from fimpact.deciding import NOTHING
 from fimpact.effects.base import Placed
+from fimpact.smoothing.dynamics.clock import beside, rates
 from fimpact.smoothing.dynamics.plant import Plant, plant_of
 from fimpact.smoothing.dynamics.response import Change, Response, Slopes
 from fimpact.smoothing.dynamics.rotor_states import starts_of_rotors
@@ -21,7 +22,7 @@ WIDE = 10.0  # times what a run shows: prior sd of a first state of which nothin
 class Linear:
     """The model around a trajectory: m = n + nv coordinates and forces, p numbers.
 
-    advance: (N, n, m) of the next state. reads: (N, ny, m) of the readings. offsets: (N, n, 1 + p) and left: (N, ny, 1
+    Where anything is commanded, the clock of the run is the last of the n coordinates; `rubbed` is without it. advance: (N, n, m) of the next state. reads: (N, ny, m) of the readings. offsets: (N, n, 1 + p) and left: (N, ny, 1
     + p): defects and what is left of the readings, and what the numbers do to both. first, spread: (runs, n) from
     each run's first state to its prior, and the prior's sd. base: the sample ahead of each state. rubbed: (N, n, n)
     what dry friction does to whatever moves the next state. changes: of each number by its name and place, with its
@@ -40,6 +41,10 @@ class Linear:
     first: np.ndarray
     spread: np.ndarray
     rubbed: np.ndarray
+
+    def moved(self, after: np.ndarray) -> np.ndarray:
+        """What becomes of changes of the next state, (N, n, c), with dry friction, and of the clock nothing."""
+        return beside(self.rubbed @ after, self.advance.shape[1] - after.shape[1], 0, 0)
 
 
 def linearise(
@@ -80,7 +85,21 @@ def linearise(
     left = np.stack([np.nan_to_num(track.measured - base.readings), *(own for _, own in columns)], 2)
     first, spread = _starts(plant, states)
     rubbed, advance, reads = _rubbed(plant, slopes)
-    return Linear(plant, base, response, slopes, changes, advance, reads, rubbed @ offsets, left, first, spread, rubbed)
+    own = Linear(plant, base, response, slopes, changes, advance, reads, rubbed @ offsets, left, first, spread, rubbed)
+    return _timed(own, rates(track, base))
+
+
+def _timed(own: Linear, rate: np.ndarray | None) -> Linear:
+    """With the clock of each run as one more coordinate, which moves the readings by `rate` and itself never."""
+    if rate is None:
+        return own
+    n, runs = own.advance.shape[1], len(own.first)
+    advance, reads = beside(own.advance, 1, 1, n), beside(own.reads, 0, 1, n)
+    advance[:, n, n], reads[:, :, n] = 1.0, rate
+    first, spread = np.hstack([own.first, np.zeros((runs, 1))]), np.hstack([own.spread, np.ones((runs, 1))])
+    return replace(
+        own, advance=advance, reads=reads, offsets=beside(own.offsets, 1, 0, 0), first=first, spread=spread
+    )
 
 
 def missing_at_first(track: Track, linear: Linear) -> np.ndarray:
