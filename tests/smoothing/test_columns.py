@@ -54,7 +54,7 @@ def innovations_with(smoothed, placed) -> np.ndarray:
         ("gravity_scale", "world", 0),
         ("sensor_bias", "q2", 0),
         ("gain", "m1", 0),
-        ("command_delay", "all", 0),
+        ("command_delay", "m2", 0),
         ("com_shift", "lower", 1),
         ("quadratic_damping", "shoulder", 0),
         ("dahl", "elbow", 0),

@@ -240,7 +240,7 @@ def test_no_law_of_a_reading_is_fitted_to_the_noise_of_a_smoothed_acceleration()
 
 
 def test_a_step_that_is_no_number_ends_a_fit_with_what_it_had(monkeypatch):
-    made = prepare(rod(0.15), refine=1)
+    made = prepare(rod(0.3), refine=1)
     told, moves, calls = smooth(made.track, made.begun, made.noise), Solved.moves, []
 
     def wild(self, *own):
@@ -314,7 +314,7 @@ def test_a_step_that_runs_away_is_halved(monkeypatch, size):
 
     monkeypatch.setattr(smoother, "solve", runs_away)
     found = smooth(made.track, made.begun, made.noise)
-    assert found.converged and found.rounds == known.rounds + 1
+    assert found.converged and known.rounds < found.rounds <= known.rounds + 2
     assert found.loss() < known.loss() + 10
 
 

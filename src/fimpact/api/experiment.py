@@ -15,8 +15,8 @@ from fimpact.api.diagnosis import Diagnosis
 from fimpact.api.pictures import drawn
 from fimpact.cases.errors import CaseError
 from fimpact.diagnosis.experiments import next_experiment, separating
-from fimpact.diagnosis.experiments.resolve import Resolved, stated_unknowns, surviving_names
-from fimpact.diagnosis.experiments.resolve import resolve as weigh_anew
+from fimpact.diagnosis.experiments.resolve import Resolved
+from fimpact.diagnosis.experiments.resolve import resolve as diagnose_anew
 from fimpact.report.experiment_picture import commands as drawn_commands
 
 
@@ -71,11 +71,11 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Resolution:
-    """The names of a diagnosis, weighed again with further runs.
+    """What is left of the names of a diagnosis when further runs are diagnosed with the others.
 
     Attributes:
         left: names that still cannot be told apart; one, if the experiment has decided.
-        weights: of all names, in falling order: name, weight.
+        weights: of these, and with weight 0 of those that are gone, in falling order: name, weight.
     """
 
     left: tuple[str, ...]
@@ -102,7 +102,7 @@ def resolve(
 
     Args:
         diagnosis: that left several names.
-        recording: of the same robot; its runs of names that the diagnosis has not seen are fitted with the others.
+        recording: of the same robot; its runs of names that the diagnosis has not seen are diagnosed with the others.
         progress: receives one line at the start of each piece of work; None: silence.
 
     Raises:
@@ -112,10 +112,8 @@ def resolve(
     added = _added(known, recording)
     if len(diagnosis.data["members"]) < 2:
         return _resolution([], [diagnosis.answer])
-    ranked = weigh_anew(
-        known, added, diagnosis.data["members"], stated_unknowns(known, diagnosis.data), progress or _silent
-    )
-    return _resolution(ranked, surviving_names(ranked))
+    before = [member.name for member in diagnosis.result.members]
+    return _resolution(*diagnose_anew(known, added, before, progress or _silent))
 
 
 def _added(known: recordings.Recording, recording: recordings.Recording) -> list[recordings.Run]:

@@ -16,7 +16,7 @@ from fimpact.benchmark.archive import cases_in, load_recording
 from fimpact.benchmark.jsonl import DONE, Arrays, Report, each, read_rows, runs_of
 from fimpact.diagnosis.experiments.design_space import limits
 from fimpact.diagnosis.experiments.next_experiment import next_experiment
-from fimpact.diagnosis.experiments.resolve import resolve, stated_unknowns, surviving_names
+from fimpact.diagnosis.experiments.resolve import resolve
 from fimpact.diagnosis.experiments.separating import repeats
 from fimpact.diagnosis.held_out import QUICK, starts_of
 from fimpact.diagnosis.pipeline import Diagnosis, diagnose, to_json
@@ -95,15 +95,15 @@ def _own_rng(recording: Recording) -> np.random.Generator:
 
 
 def resolve_case(recording: Recording, row: dict[str, Any], played: dict[str, Run]) -> dict[str, Any]:
-    """What the members of a set weigh once each experiment in `played` (way -> its run) is added, way by way."""
+    """What is left of a set once each experiment in `played` (way -> its run) is added, way by way."""
     return {way: _resolved(recording, row, run) for way, run in played.items()}
 
 
 def _resolved(recording: Recording, row: dict[str, Any], run: Run) -> dict[str, Any]:
     since = time.perf_counter()
-    ranked = resolve(recording, [run], row["members"], stated_unknowns(recording, row))
+    ranked, left = resolve(recording, [run], row["answer_set"])
     weights = {e.name: e.weight for e in ranked}
-    return {"answer_set": surviving_names(ranked), "weights": weights, "seconds": time.perf_counter() - since}
+    return {"answer_set": left, "weights": weights, "seconds": time.perf_counter() - since}
 
 
 def diagnose_part(recordings: Path, report: Report) -> tuple[list[dict[str, Any]], Arrays]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from fimpact.cases import inputs, read_case
 from fimpact.cases.errors import CaseError
-from fimpact.diagnosis.experiments.resolve import Resolved, resolve, stated_unknowns, surviving_names
+from fimpact.diagnosis.experiments.resolve import Resolved, resolve
 from fimpact.effects.plugins import load_effects
 from fimpact.recordings import Recording, Run
 from fimpact.report.contents import DATA, describe_inputs
@@ -21,7 +21,7 @@ def resolve_recording(
     progress: Callable[[str], None],
     effects: Path | str | None = None,
 ) -> tuple[list[Resolved], list[str]]:
-    """Weigh the members of the diagnosis in `folder` anew, with the runs that `case` lists since.
+    """Diagnose anew what the diagnosis in `folder` could not tell apart, with the runs that `case` lists since.
 
     Args:
         data: folder of the data files; None: the one that the case names.
@@ -29,8 +29,8 @@ def resolve_recording(
         effects: Python file that adds effects to the catalogue; None: there is none.
 
     Returns:
-        The members in falling order of weight, and the names of those that still cannot be told apart; of a diagnosis
-        that left one name, or none, no member and its answer.
+        What is left and what is no longer, in falling order of weight, and the names of what still cannot be told
+        apart; of a diagnosis that left one name, or none, nothing and its answer.
 
     Raises:
         CaseError: the case or its data cannot be used, or `folder` holds no diagnosis of it.
@@ -45,9 +45,8 @@ def resolve_recording(
     _check_inputs(earlier["provenance"]["inputs"], inputs(case, data), case)
     known, added = _split(recording, set(earlier["runs"]), case)
     names = ["+".join(sorted(member)) for member in earlier["members"]]
-    progress(f"fitting {', '.join(names)} with {', '.join(run.name for run in added)}")
-    ranked = resolve(known, added, earlier["members"], stated_unknowns(known, earlier), progress)
-    return ranked, surviving_names(ranked)
+    progress(f"diagnosing anew with {', '.join(run.name for run in added)}: {', '.join(names)} could not be told apart")
+    return resolve(known, added, names, progress)
 
 
 def _earlier(path: Path, case: Path | str) -> dict[str, Any]:

@@ -146,8 +146,8 @@ def _held(truth: Truth, row) -> dict[str, int | None]:
 
 
 def _resolved(truth: Truth, row, resolved) -> dict[str, Any]:
-    """Whether a twin's first answer is the set, and which experiment left what was planted without its twin or, where
-    that has none, alone."""
+    """Whether a twin's first answer is the set, and after which experiment the answer is what was planted and its twin
+    is not left or, where that has none, nothing else is."""
     out: dict[str, Any] = {"members": len(row["answer_set"]), "both_in_set": None}
     out |= {f"resolved_{way}": None for way in ("designed", "random")}
     if truth.kind in ("null", "outside", "crowd"):
@@ -157,8 +157,7 @@ def _resolved(truth: Truth, row, resolved) -> dict[str, Any]:
         out["both_in_set"] = {own, rival} <= set(map(listed, row["answer_set"]))
     for way in {"designed", "random"} & set(resolved):
         left = [listed(name) for name in resolved[way]["answer_set"]]
-        apart = out["both_in_set"] and rival not in left if rival else len(left) == 1
-        out[f"resolved_{way}"] = left[0] == own and apart
+        out[f"resolved_{way}"] = left[0] == own and (rival not in left if rival else len(left) == 1)
     return out
 
 

@@ -1,7 +1,7 @@
 """The clock of a run against that of its commands: no stamps are truer than some hundredth of a sample.
 
-How late the readings of a run are is one number of it, of which nothing is asked: a state of the filter that stays as it
-is. Where nothing is commanded there is no such number: any motion may begin at any time.
+How late the readings of a run are is one number of it, of which nothing is asked: a state of the filter that stays as
+it is. Where nothing is commanded there is no such number: any motion may begin at any time.
 """
 
 import numpy as np

@@ -22,8 +22,9 @@ WIDE = 10.0  # times what a run shows: prior sd of a first state of which nothin
 class Linear:
     """The model around a trajectory: m = n + nv coordinates and forces, p numbers.
 
-    Where anything is commanded, the clock of the run is the last of the n coordinates; `rubbed` is without it. advance: (N, n, m) of the next state. reads: (N, ny, m) of the readings. offsets: (N, n, 1 + p) and left: (N, ny, 1
-    + p): defects and what is left of the readings, and what the numbers do to both. first, spread: (runs, n) from
+    Where anything is commanded, the clock of the run is the last of the n coordinates; `rubbed` is without it.
+    advance: (N, n, m) of the next state. reads: (N, ny, m) of the readings. offsets: (N, n, 1 + p) and left: (N, ny,
+    1 + p): defects and what is left of the readings, and what the numbers do to both. first, spread: (runs, n) from
     each run's first state to its prior, and the prior's sd. base: the sample ahead of each state. rubbed: (N, n, n)
     what dry friction does to whatever moves the next state. changes: of each number by its name and place, with its
     value, what a unit of its coordinate does.
@@ -97,9 +98,7 @@ def _timed(own: Linear, rate: np.ndarray | None) -> Linear:
     advance, reads = beside(own.advance, 1, 1, n), beside(own.reads, 0, 1, n)
     advance[:, n, n], reads[:, :, n] = 1.0, rate
     first, spread = np.hstack([own.first, np.zeros((runs, 1))]), np.hstack([own.spread, np.ones((runs, 1))])
-    return replace(
-        own, advance=advance, reads=reads, offsets=beside(own.offsets, 1, 0, 0), first=first, spread=spread
-    )
+    return replace(own, advance=advance, reads=reads, offsets=beside(own.offsets, 1, 0, 0), first=first, spread=spread)
 
 
 def missing_at_first(track: Track, linear: Linear) -> np.ndarray:
