@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
-from recorded import ROD, record, waves
+from recorded import ARM, ROD, record, waves
 
 from fimpact.benchmark.planting import gears
 from fimpact.effects import EFFECTS
-from fimpact.effects.base import Placed
+from fimpact.effects.base import Placed, Scales
 from fimpact.recordings import Recording
 from fimpact.selection.explanation import explain
+from fimpact.simulation.hypothesis import Hypothesis
 from fimpact.simulation.rotors import Rotors
 from fimpact.simulation.simulator import Simulator
 from fimpact.smoothing.candidates import at
@@ -47,6 +48,45 @@ def recorded(name: str = "") -> Recording:
 def placed(name: str, **values: float) -> Placed:
     own = {"retardation": RETARDATION} if name == "joint_elasticity" else {}
     return Placed(EFFECTS[name], "pivot", {**own, **VALUES[name], **values})
+
+
+FOOT = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
+<body name="hopper" pos="0 0 0.1"><joint name="rail" type="slide" axis="0 0 1"/><geom name="foot" size="0.1" mass="1"/>
+</body></worldbody><contact><pair name="foot_floor" geom1="floor" geom2="foot" solref="0.05 1"/></contact>
+<actuator><motor name="lift" joint="rail"/></actuator>
+<sensor><jointpos name="height" joint="rail"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("xml", "site"), [(ARM, "elbow"), (SERVO, "pivot"), (FOOT, "rail")], ids=["arm", "servo", "foot"]
+)
+def test_every_edit_of_a_model_does_beside_a_gear_what_it_does_without(xml, site):
+    """Also one that makes a motor, or a contact, of another kind."""
+    sensors = [name for name in ("q1", "q2", "angle", "height") if f'"{name}"' in xml]
+    simulator = Simulator(record(xml, sensors, [np.zeros((4, 2 if xml == ARM else 1))], 1e-4))
+    gear = Placed(EFFECTS["joint_elasticity"], site, {"compliance": 1e-3, "retardation": 5e-3})
+    rotors, base = Rotors(simulator, (site,)), simulator.base
+    rng = np.random.default_rng(0)
+    qpos, qvel = rng.uniform(-0.02, 0, (3, base.nq)), rng.normal(size=(3, base.nv))
+    ctrl, force = rng.normal(size=(3, base.nu)), np.zeros((3, base.nv))
+
+    def rates(model) -> tuple[np.ndarray, np.ndarray]:
+        beside = rotors.advance(model, [gear], qpos, qvel, np.zeros((3, base.na + 2)), ctrl, force)[1]
+        return beside, simulator.advance(model, qpos, qvel, np.zeros((3, base.na)), ctrl, force)[1]
+
+    plain, seen = rates(simulator.model(Hypothesis(simulator.theta))), set()
+    each, motors = np.ones(base.nv), np.ones(base.nu)
+    scales = Scales(each, each, each, each, motors, motors, motors, np.ones(len(sensors)), 1.0, 0.3, 9.81, PERIOD, 4.0)
+    for effect in (e for e in EFFECTS.values() if e.enters == "model"):
+        for own in effect.sites(base, ()):
+            for probe in effect.probes(scales, base, own):
+                law = Placed(effect, own, {**effect.neutral, **probe})
+                edited = rates(simulator.model(Hypothesis(simulator.theta, (law,))))
+                with_gear, without = (after - before for after, before in zip(edited, plain, strict=True))
+                if np.abs(without).max() > 1e-6:
+                    seen.add(law.name)
+                    assert np.abs(with_gear).max() > 0.02 * np.abs(without).max(), law
+    assert len(seen) > 3
 
 
 @pytest.mark.parametrize("damped", [0.02, 0.1])

@@ -53,14 +53,8 @@ class Rotors:
         self.behind = _addresses(inner, [behind_name(site) for site in sites])
         sizes = {"dofs": inner.nv, "joints": inner.njnt, "places": inner.nq}
         self.kept = {name: np.delete(np.arange(size), self.behind[name]) for name, size in sizes.items()}
-        self.shared = [
-            name
-            for name in dir(outer)
-            if name.startswith(("body_", "geom_", "pair_", "actuator_"))
-            and isinstance(own := getattr(outer, name), np.ndarray)
-            and own.dtype == float
-            and own.shape == getattr(inner, name).shape
-        ]
+        named = [name for name in dir(outer) if name.startswith(("body_", "geom_", "pair_", "actuator_"))]
+        self.shared = [name for name in named if _is_shared(getattr(outer, name), getattr(inner, name))]
         self._data = mujoco.MjData(inner)
 
     def model(self, outer: mujoco.MjModel, gears: Sequence[Placed]) -> mujoco.MjModel:
@@ -142,6 +136,14 @@ class Rotors:
         out, ahead = inner[:, self.kept[part]], -inner[:, self.behind[part]]
         out[:, self.own[part]] -= ahead
         return out, ahead
+
+
+def _is_shared(outer: object, inner: object) -> bool:
+    """Whether both models have the same there. Whole numbers may be addresses, which a joint more has moved, or tell
+    of what kind a motor or a contact is, which an effect may edit."""
+    if not (isinstance(outer, np.ndarray) and isinstance(inner, np.ndarray) and outer.shape == inner.shape):
+        return False
+    return outer.dtype == float or np.array_equal(outer, inner)
 
 
 def _addresses(model: mujoco.MjModel, names: Sequence[str]) -> dict[str, np.ndarray]:
