@@ -168,7 +168,7 @@ def _shows_in_few(regression: Regression, found: Estimate) -> bool:
     added = [(c, v) for c, v in zip(found.kept, found.values, strict=True) if c >= regression.p]
     told = np.sum([value**2 * regression.gram[:, column, column] for column, value in added], axis=0)
     few = told.sum() ** 2 < -np.log(RARE) * np.square(told).sum()
-    return bool(few) and regression.spread(found) == 1
+    return bool(few) and regression.looks_white(regression.spread(found))
 
 
 def _is_no_force(regression: Regression, member: int) -> bool:

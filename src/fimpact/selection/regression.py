@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import stats
 
+from fimpact.deciding import CONFIDENCE
 from fimpact.smoothing.columns import Columns
 from fimpact.smoothing.parameters import is_shape
 from fimpact.smoothing.smoother import Smoothed
@@ -73,6 +75,11 @@ class Regression:
         """Whether scores vary no more from stretch to stretch than white noise has it: then chance can be trusted, in
         however few stretches something shows."""
         return self.dispersion == 1
+
+    def looks_white(self, spread: float) -> bool:
+        """Whether scores of white noise may vary so much from stretch to stretch."""
+        free = max(self.count - 1, 1)
+        return spread * free <= float(stats.chi2.ppf(CONFIDENCE, free))
 
     def spread(self, found: Estimate) -> float:
         """The same of scores beside `found`."""

@@ -112,7 +112,8 @@ def _axis(rng, rig, motion, site) -> Values:
 
 # What a rig cannot tell apart in any motion is one effect with two names there, and is planted under the first of them
 # in the catalogue. On a pivot without gravity, mass, its place, inertia and a rotor are one number, and so are drag and
-# damping; a round tip that is larger is a wall that is nearer; sensors that are all late are motors that are.
+# damping; a round tip that is larger is a wall that is nearer; sensors that are all late are motors that are, and where
+# nothing is commanded a motion that has begun earlier.
 # The wrist's force jumps with the commands, at the very instants at which it is read: however short, a delay of it, or
 # a drift of its clock, would read the time before the jump. Neither is planted there. Behind a servo or a heavy gear a
 # joint follows its own motor alone: an encoder that is late is a command that is, one that is off is a torque, and a
@@ -222,7 +223,7 @@ PLANTS = {
     ),
     "sensor_delay": Plant(
         signals.sensor_delay,
-        {FREE: ENCODERS, PRESS: ENCODERS, BLOCK: (*CAMERA, "imu", "all"), LEG: ("rail_encoder", "imu")},
+        {FREE: ENCODERS, PRESS: ENCODERS, BLOCK: (*CAMERA, "imu"), LEG: ("rail_encoder", "imu")},
         _one("delay"),
         3e-4,
         0.03,
