@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -78,6 +79,15 @@ def test_what_cannot_be_resolved_is_said_in_a_line(asked, spoiled, complaint):
 def test_a_name_that_is_left_already_is_said(asked):
     code, said, _ = asked(runs=(), members=MEMBERS[:1])
     assert code == 0 and said.startswith("Left: viscous at pivot. The diagnosis left no other name")
+
+
+@pytest.mark.parametrize(
+    ("found", "said"), [("none", "nothing that is missing"), ("unnamed", "something without a name")]
+)
+def test_that_no_name_is_left_is_said_in_words(asked, monkeypatch, found, said):
+    left = SimpleNamespace(members=(), answer=found, answer_set=[found])
+    monkeypatch.setattr("fimpact.diagnosis.experiments.resolve.diagnose", lambda *given, **options: left)
+    assert asked()[1].splitlines()[-1] == f"Left: {said}."
 
 
 def test_a_new_log_may_have_the_name_of_an_old_one(asked, folder):

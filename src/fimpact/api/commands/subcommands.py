@@ -88,12 +88,14 @@ def fit_effects(options: argparse.Namespace) -> None:
 def resolve_names(options: argparse.Namespace) -> None:
     """Say which names are left once the experiment is recorded."""
     from fimpact.api.commands.resolve_recording import resolve_recording
+    from fimpact.diagnosis.pipeline import NONE, UNNAMED
     from fimpact.effects.base import words
 
+    others = {NONE: "nothing that is missing", UNNAMED: "something without a name"}
     ranked, left = resolve_recording(*_asked(options))
     for member in ranked:
-        print(f"{member.weight:4.0%}  {words(member.name)}")
-    said = ", ".join(map(words, left))
+        print(f"{member.weight:4.0%}  {others.get(member.name) or words(member.name)}")
+    said = ", ".join(others.get(name) or words(name) for name in left)
     if not ranked:
         print(f"Left: {said}. The diagnosis left no other name, and nothing is to be resolved.")
     else:
