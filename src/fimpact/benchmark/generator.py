@@ -11,7 +11,7 @@ from fimpact.benchmark.seal import robot, write_case
 from fimpact.benchmark.truth import Truth
 from fimpact.recordings import Recording
 
-DRAWS, SAME, APART, FURTHER = 6, 2, 1_000_003, 97  # draws that find no fit: other seeds, then other effects as well
+DRAWS, SAME, APART, FURTHER = 24, 2, 1_000_003, 97  # draws that find no fit: other seeds, then other effects as well
 
 
 def conceal(cases: Sequence[Case], settings: dict, recordings: Path, sealed: Path, report: Report) -> list[dict]:
