@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -152,7 +153,10 @@ def test_help_comes_at_once():
 def started(folder: Path) -> subprocess.Popen:
     """A diagnosis that has begun its work."""
     command = [sys.executable, "-m", "fimpact.cli", "diagnose", "case.yaml", "--out", "new/page"]
-    process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    # A shell makes what it runs in the background ignore SIGINT, and so would the diagnosis.
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    piped = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, cwd=folder, preexec_fn=heard, **piped)
     for line in process.stderr:
         if line.startswith("preparing"):
             return process

@@ -41,7 +41,6 @@ def asked(folder, capsys, monkeypatch):
     def asked(runs=(NEW,), members=MEMBERS, **spoiled):
         (folder / "case.yaml").write_text(yaml.safe_dump(CASE))
         told = {"answer": "viscous@pivot", "members": members, "runs": ["a", "b", "c"]}
-        told["parameters"] = [{"of": "mass@rod", "after": 0.3}, {"of": "damping@pivot", "after": 0.02}]
         told["provenance"] = describe_inputs(inputs(folder / "case.yaml"))
         (folder / "page").mkdir(exist_ok=True)
         (folder / "page" / "diagnosis.json").write_text(json.dumps(told | spoiled))

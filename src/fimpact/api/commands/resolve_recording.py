@@ -54,7 +54,7 @@ def _earlier(path: Path, case: Path | str) -> dict[str, Any]:
         raise CaseError(f"{path} is missing; run `fimpact diagnose {case}` first, or name its folder with --out")
     try:
         found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        if not all([found["answer"], found["runs"], found["parameters"], found["provenance"]["inputs"]]):
+        if not all([found["answer"], found["runs"], found["provenance"]["inputs"]]):
             raise TypeError("a part of it is empty")
         len(found["members"])
     except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError):
